@@ -478,3 +478,28 @@ def test_pictures_are_drawn_when_the_page_asks_for_them(folder, client) -> None:
     assert missing.status_code == 400
     assert "the answer has 1 pictures, but none with the number 1" in missing.json()["error"]
     assert answer(client, "rattle")["pictures"] == []
+
+
+def test_bands_are_drawn_before_their_study_ends_and_stay_when_it_is_stopped(tmp_path) -> None:
+    endless = RATTLE.replace("starts = 4", "starts = 100000\nsearch = 40")  # after two sweeps that are done at once
+    (tmp_path / "model.toml").write_text(endless, encoding="utf-8")
+    with serving(tmp_path / "model.toml") as address, watched(address, height=800) as page:
+        page.click("#compute")
+        until(page, "gapwalk.page.results[0]?.answer && gapwalk.diagram.over?.shades.length")
+        state, done, total = page.evaluate("(({ state, done }) => [state, ...done])(gapwalk.page.results[0])")
+        assert state == "running"
+        assert 0 < done < total == 4
+        assert all(each.startswith("So far: ") for each in page.locator("#answer-text span").all_inner_texts())
+        until(page, "gapwalk.curves.all.size === 2 && !gapwalk.page.updating")  # both sweeps; the rest does not end
+        page.select_option("#y", "max.x")
+        page.click("#status-stop")
+        until(page, "gapwalk.page.results[0].state === 'stopped' && gapwalk.answer.content.notes.length")
+        assert page.input_value("#y") == "max.x"
+        ((low, high),) = page.evaluate("gapwalk.diagram.over.shades.map(({ low, high }) => [low, high])")
+        assert all(each.endswith(" (incomplete)") for each in page.locator("#answer-text span").all_inner_texts())
+    (path,) = tmp_path.rglob("*.gapwalk")
+    found = gw.open_result(path).finding.record
+    assert not found.complete
+    assert (low, high) == pytest.approx(
+        (min(band.low.value for band in found.bands), max(band.high.value for band in found.bands))
+    )

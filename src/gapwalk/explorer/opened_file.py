@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -49,6 +51,7 @@ from gapwalk.studies.result import Result, load_result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.study_file import Study, check_studies
 
+_GROWS, _SPARED = 1.0, 10.0  # seconds between two readings of what grows; and how many times those that one takes
 _NOWHERE = (0.0, 0.0)  # range of an unfinished branch, from which no other can start yet
 
 
@@ -79,8 +82,11 @@ class Entry:
     #: state, message: State of its job, and a remark.
     state: State = State.DONE
     message: str = ""
-    result: Result | None = None  #: Content of the file, after the end of the job.
+    result: Result | None = None  #: Content of the file after the end of the job; of an answer, also before it.
+    reading: int = 0  #: How often the file has been read.
     live: Progress = field(default_factory=Progress)  #: Progress reported so far.
+    #: While an answer grows: number of its parts that are read, and the time of the next reading.
+    grown: tuple[int, float] = (0, 0.0)
     version: int = 0  #: Counter of changes.
     model: str = ""  #: The mark of the model file that it was computed from; see `gapwalk.explorer.workspace_folder`.
     look: Look = Look()  #: What a user has chosen for it: a name, a colour, and whether it is shown.
@@ -294,8 +300,28 @@ class Exploration:
                 entry.change(message=entry.message or str(error))
             return
         with self.guard:
-            entry.result = result
-            entry.change(message=entry.message or "; ".join(result.failures) or _ends(entry))
+            entry.change(result=result, reading=entry.reading + 1)
+            entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
+
+    def read_growing(self) -> None:
+        """Read what is stored of an answer that is being computed, if there is more of it; from time to time only."""
+        begun = time.monotonic()
+        with self.guard:
+            due = (each for each in self.entries.values() if each.state is State.RUNNING and begun >= each.grown[1])
+            entry = next((each for each in due if each.live.done > each.grown[0] and not each.live.is_drawn), None)
+            if entry is None:
+                return
+            done, reading = entry.live.done, entry.reading
+            entry.grown = done, math.inf  # another page may ask meanwhile
+        result = None
+        with suppress(GapwalkError):  # it is read again after its end, which tells of it
+            result = load_result(entry.path)
+        with self.guard:
+            finding = None if result is None else result.finding
+            if entry.reading == reading and finding is not None and finding.can_be_drawn:
+                entry.change(result=result, reading=reading + 1)
+                entry.lines()
+            entry.grown = done, begun + max(_GROWS, _SPARED * (time.monotonic() - begun))
 
     def refuse_unfinished(self, action: Action) -> None:
         """Raise a ModelError if an action starts from an unfinished result, whose points may be renumbered."""
@@ -428,6 +454,7 @@ def _starts(action: Action | None) -> list[str]:
 
 def listed(exploration: Exploration) -> list[dict[str, Any]]:
     """Return the results of an exploration for the page, with their progress; deleted ones are left out."""
+    exploration.read_growing()
     with exploration.guard:
         return [_plain(entry) for entry in exploration.entries.values() if not entry.look.deleted]
 
@@ -453,7 +480,7 @@ def _plain(entry: Entry) -> dict[str, Any]:
         "model": entry.model,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
-        "answer": None if entry.answer is None else {"axes": entry.answer.axes},
+        "answer": None if entry.answer is None else {"axes": entry.answer.axes, "reading": entry.reading},
         "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],

@@ -47,6 +47,11 @@ class Progress:
     share: float = 0.0
     words: str = ""
 
+    @property
+    def is_drawn(self) -> bool:
+        """True if it has branches or loci, which are drawn from it."""
+        return bool(self.steps or self.finished)
+
     def add(self, more: Progress) -> None:
         """Add later progress."""
         self.steps += more.steps

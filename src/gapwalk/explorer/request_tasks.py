@@ -86,7 +86,7 @@ def resumed(shown: Exploration, entry: Entry) -> Task:
     with shown.guard:
         # the file may have changed since then; a resumed job keeps the study with which it began
         study = task.study if entry.result is None else entry.result.study
-        entry.change(result=None, state=State.QUEUED, message="", live=Progress())
+        entry.change(result=None, state=State.QUEUED, message="", live=Progress(), grown=(0, 0.0))
     return replace(task, study=study, output=Path(entry.path), resume=True)
 
 

@@ -6,12 +6,13 @@ import { onAxes } from "./overlay.js";
 import { drawPanel } from "./panels.js";
 
 const LONG = 24; // letters of a cell from which it takes several lines
+export const GROWING = ["running", "paused", "queued"]; // states of a job, of which there may be an answer before its end
 const $ = (id) => document.getElementById(id);
 
 export class Answer {
   /** `changed` is called when the diagram must be drawn again; `chosen` with an end, `sampled` with a value, when it is clicked. */
   constructor({ changed, chosen, sampled = () => {} }) {
-    Object.assign(this, { changed, chosen, key: null, content: null, version: -1, heard: null }); // heard: as in heard.js
+    Object.assign(this, { changed, chosen, key: null, content: null, reading: -1, heard: null }); // heard: as in heard.js
     $("answer-contact").addEventListener("change", () => this.turn());
     $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
     $("below").addEventListener("click", ({ target: { dataset: { at } } }) => { if (at) sampled(Number(at)); });
@@ -21,18 +22,21 @@ export class Answer {
     $("answer-more").addEventListener("click", () => { $("answer-text").classList.toggle("whole"); this.offerWhole(); });
   }
 
-  /** Show the answer of a result; return it. */
-  async show(file, { key, version }) {
+  /** Show the answer of a result, or what is stored of it so far, perhaps again; return it. */
+  async show(file, { key, state, answer: { reading } }, isAgain = false) {
     const asked = {}; // results of two files may have one key
-    Object.assign(this, { file, key, version, asked });
+    Object.assign(this, { file, key, reading, asked, grows: GROWING.includes(state) });
     const content = await get("/api/answer", { file, result: key });
     if (this.asked !== asked) return null;
-    Object.assign(this, { content, hadRoom: false });
-    $("answer-details").open = true;
+    if (this.grows) Object.assign(content, { notes: [], pictures: [] }); // those that tell of its end
+    const { contact } = this, isKept = isAgain && content.contacts.includes(contact);
+    Object.assign(this, { content, hadRoom: isAgain && this.hadRoom });
+    if (!isAgain) $("answer-details").open = true;
     $("answer").hidden = $("answer-details").hidden = false;
-    this.tell();
     $("answer-contact").replaceChildren(...content.contacts.map((name) => new Option(name)));
+    if (isKept) $("answer-contact").value = contact;
     $("answer-contact").parentElement.hidden = content.contacts.length < 2;
+    this.tell(isKept && content.sentences.length === content.contacts.length ? content.contacts.indexOf(contact) : 0);
     this.drawDetails();
     this.heard?.show(file, key, content);
     return content;
@@ -41,7 +45,7 @@ export class Answer {
   /** Write its sentences, that of the chosen contact first. */
   tell(first = 0) {
     const { sentences, complete } = this.content, own = sentences.slice(first, first + 1);
-    $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${words}${complete ? "" : " (incomplete)"}`)));
+    $("answer-text").replaceChildren(...[...own, ...sentences.filter((text) => text !== own[0])].map((words) => text("span", "", `${this.grows ? "So far: " : ""}${words}${complete || this.grows ? "" : " (incomplete)"}`)));
     $("answer-text").classList.remove("whole");
     this.offerWhole();
   }

@@ -1,6 +1,6 @@
 // The page: the chosen file, axes and point; the server holds everything else.
 
-import { Answer } from "./answer.js";
+import { Answer, GROWING } from "./answer.js";
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
 import { Curves, takeLoci } from "./curves.js";
@@ -139,7 +139,7 @@ async function open(file, where = new URLSearchParams()) {
   address();
   await show(about.results, about.deleted);
   if (page.about?.file !== file) return;
-  const last = about.results.findLast(({ answer, branches, state }) => state === "done" && (answer || branches.length)); // a settled motion lies over it
+  const last = about.results.findLast(({ answer, branches, state }) => (state === "done" && branches.length) || (answer && ["done", ...GROWING].includes(state))); // a settled motion lies over it
   if (last?.answer) await showAnswer(last, !where.size);
   if (where.has("at")) chooseAddressed(where.get("at"));
   if (!about.results.some(isDrawn) && !about.problem && file.endsWith(".toml")) quick.show(file);
@@ -192,20 +192,24 @@ function forget() {
   choice.clear();
 }
 
-/** Say how far a job is, and for how long it has been computed. */
+/** Say how far a job is, for how long it has been computed, and how long the rest takes at the pace since it is seen. */
 function showStatus(job, reached) {
   const [words, clock] = $("status").children;
-  if (job?.key !== page.job) Object.assign(page, { job: job?.key, since: performance.now() });
+  if (job?.key !== page.job) Object.assign(page, { job: job?.key, since: performance.now(), first: job?.share });
   clearInterval(page.ticking);
   words.textContent = job ? reached : "";
   $("status").title = job?.title ?? "";
   Object.assign($("status-stop"), { hidden: !job, title: `Stop ${job?.title}; what it has found is stored`, onclick: () => actOn("stop", job) });
   const tick = () => {
-    const seconds = Math.floor((performance.now() - page.since) / 1000);
-    clock.textContent = job ? `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}` : "";
+    const seconds = (performance.now() - page.since) / 1000, left = seconds * (1 - job?.share) / (job?.share - page.first);
+    clock.textContent = job ? `${minutes(seconds)}${Number.isFinite(left) && left > 0 ? `, about ${minutes(left)} left` : ""}` : "";
   };
   tick();
   if (job) page.ticking = setInterval(tick, 1000);
+}
+
+function minutes(seconds) {
+  return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 }
 
 /** Show the results; fetch the curves that have changed. */
@@ -216,7 +220,7 @@ async function show(results, deleted = page.deleted ?? []) {
   showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
-  showStatus(first, !points && first?.done[1] ? `${Math.floor(100 * first.share)} % of the work` : `${points} points`);
+  showStatus(first, first?.done[1] && (!points || first.answer) ? `${Math.floor(100 * first.share)} % of the work` : `${points} points`);
   page.again = true;
   if (!page.updating) updated = update();
   await updated;
@@ -250,16 +254,17 @@ async function update() {
 /** Show the answer that was asked for once it is there, and the shown one again if it has changed. */
 async function showAnswers() {
   if (!page.about) return;
-  const over = page.results.filter((r) => r.answer && ["done", "stopped"].includes(r.state));
+  const over = page.results.filter((r) => r.answer && r.state !== "failed");
   const wanted = over.find(({ key }) => key === page.wanted);
-  const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
+  const shown = over.find(({ key, state, answer: { reading } }) => key === answer.key && (reading !== answer.reading || GROWING.includes(state) !== answer.grows));
   const settled = page.results.find(({ key, settled, state }) => key === page.wanted && settled && state === "done");
   if (wanted || settled) page.wanted = null;
   if (settled) {
     if ($("error").classList.contains("hint-only")) hideError(); // that it is computed
     return choice.choose({ settled: settled.key }); // it opens with its motion
   }
-  if (wanted ?? shown) await showResult(wanted ?? shown);
+  if (wanted) await showResult(wanted);
+  else if (shown) await showAnswer(shown, false);
   else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
 }
 
@@ -600,9 +605,9 @@ async function showResult(result) {
   await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
 }
 
-/** Show an answer, over its own axes unless those of now are wanted. */
+/** Show an answer over its own axes, or again over those of now, with what is chosen there. */
 async function showAnswer(result, isOverOwn = true) {
-  const { about } = page, content = await answer.show(about.file, result);
+  const { about } = page, content = await answer.show(about.file, result, !isOverOwn && answer.key === result.key);
   if (!content || page.about?.file !== about.file) return; // the same file may have been read again
   const [x, y] = (isOverOwn && content.axes) || [$("x").value, $("y").value];
   const known = new Set([...$("y").options].map(({ value }) => value));
@@ -611,7 +616,7 @@ async function showAnswer(result, isOverOwn = true) {
   await showAxes(x, y);
   answer.turnTo(y);
   markAnswer();
-  diagram.range = null;
+  if (isOverOwn) diagram.range = null;
   drawDiagram();
   showEmpty();
 }

@@ -79,6 +79,7 @@ export class ResultList {
     if (["running", "paused", "queued"].includes(state)) add(buttons, "stop", "Stop", "Stop it; what it has found is stored");
     if (result.can_resume && state === "stopped") add(buttons, "resume", "Resume", "Continue where it was stopped");
     const has = result.settled || result.answer || result.branches.length;
+    if (result.answer && ["running", "paused"].includes(state)) add(buttons, "show", "Show", "Show what is known of the answer");
     if (["done", "stopped"].includes(state)) {
       if (has) add(buttons, "show", "Show", result.settled ? "Show the settled motion" : result.answer ? "Show the answer, with its picture" : "Show the diagram, or the plane, of this result");
       for (const [word, ...labels] of SAVES) if (result.saves.includes(word)) add(saves, word, ...labels);

@@ -66,7 +66,7 @@ async function begin() {
   Object.assign(window.gapwalk, { answer, movers, depth });
   takeLoci(about.loci, $("legend"));
   document.body.classList.toggle("unmoved", !about.branches.length);
-  if (about.answer) await answer.show("", { key: "", version: 0 });
+  if (about.answer) await answer.show("", { key: "", answer: {} });
   for (const id of ["x", "y"]) $(id).addEventListener("change", () => show(diagram));
   $("fit").addEventListener("click", () => diagram.fit());
   $("nearer").addEventListener("click", () => diagram.zoom(0.5));
