@@ -124,24 +124,21 @@ def write_answer(figure: AnyFigure, title: str, sentences: Sequence[str]) -> Non
 
 def write_letters(panels: Sequence[Axes]) -> Callable[[], None]:
     """Write a, b, c into the corners of panels; return a function that moves them off what is drawn."""
-    letters = [
-        panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
-        for letter, panel in zip("abcdef", panels, strict=False)
-    ]
+    texts = zip("abcdef", panels, strict=False)
+    letters = [panel.text(*_CORNERS[0], text, transform=panel.transAxes, va="top", **_BOLD) for text, panel in texts]
 
     def move() -> None:
         for letter in letters:
-            for x, y in _CORNERS:
+            for x, y in (*_CORNERS, _CORNERS[0]):
                 letter.set(position=(x, y), ha="left" if x < 0.5 else "right", va="bottom" if y < 0.5 else "top")
                 if not _is_drawn_on(letter):
                     break
-            else:
-                letter.set(position=_CORNERS[0], ha="left", va="top")
 
     return move
 
 
 _CORNERS = ((0.012, 0.975), (0.988, 0.975), (0.012, 0.025), (0.988, 0.025))  # of letters, in the order of preference
+_BOLD: Any = {"weight": "bold", "zorder": 7}
 
 
 def _is_drawn_on(text: Text) -> bool:

@@ -389,8 +389,8 @@ def _in_asked_units(system: System, table: Mapping[str, Any]) -> System:
     assembly, asked = system.structure.assembly, dict[str, Unit]()
     nested = (each for value in table.values() for each in (value if isinstance(value, list) else [value]))
     for each in (table, *(each for each in nested if isinstance(each, Mapping))):
-        name, value = each.get("parameter"), each.get("from", each.get("mean"))
-        kind = system.units.kind(name) if system.units and isinstance(name, str) and name not in PACES else None
+        name, value = str(each.get("parameter")), each.get("from", each.get("mean"))
+        kind = system.units.kind(name) if system.units and name not in PACES else None
         if kind and name in system.structure.names and isinstance(value, str) and has_unit(value):
             with suppress(ValueError):  # which is refused where it is read
                 found = read_quantity(value, kind)

@@ -207,7 +207,7 @@ def spread_doubts(system: System, spreads: Spreads) -> Iterator[str]:
     """Yield a sentence for each law of which a part of the values is none that the parameter can have."""
     for law in spreads.about(system).laws:
         refused = list[str]()
-        for value in law.quantile((np.arange(100) + 0.5) / 100.0).tolist():
+        for value in law.quantile(np.linspace(0.005, 0.995, 100)).tolist():
             try:
                 system.at({law.parameter: value})
             except ModelError as error:

@@ -130,7 +130,7 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ("inertia = 0.05", "inertia = 0.05\nmass = 1", 'm.toml:12: inertia "hub".mass is not a key here'),
         ("ratio = 2.5", "ratio = 0.0", 'm.toml:34: gear "pair".ratio is 0; it must be the speed of the first'),
         ("ratio = 2.5", "", 'gear "pair".ratio is missing; it is the speed of the first inertia divided by that of'),
-        ('name = "pair"', 'name = "clutch"', 'm.toml:31: gear "clutch" has the name clutch of another part; give each a name'),
+        ('name = "pair"', 'name = "clutch"', 'm.toml:31: gear "clutch" has the name clutch of another part'),
         ("ratio = 2.5", 'ratio = 2.5\ndamping = "viscous"', 'write law = "viscous" and viscous_damping = ...'),
         ("ratio = 2.5", 'ratio = 2.5\ndamping = "visco"', 'write law, which must be one of "elastic", "viscous"'),
         ("stiffness = 70.0", "", 'gear "pair" has a clearance, but no stiffness beyond it; write stiffness = ...'),
