@@ -382,7 +382,7 @@ class RunUpStudy(StudyKind):
             )
         asked = cls(**values)
         Ramped(system)  # refuses what cannot run up
-        is_by_steps(system, asked.by)
+        is_by_steps(system, asked.by, asked.count > 1)
         if asked.signal and (names := _signal_names(system)) and asked.signal not in names:
             raise ModelError(f"signal is {given(asked.signal)}; signals of a run-up are {', '.join(names)}")
         if asked.orders:
@@ -461,7 +461,7 @@ class RunUpStudy(StudyKind):
         courses = self.courses
         phases = PERIOD * np.arange(self.starts) / self.starts
         runs = [(course, phase) for course in courses for phase in phases.tolist()]
-        free = Ramped(job.system) if is_by_steps(job.system, self.by) else None
+        free = Ramped(job.system) if is_by_steps(job.system, self.by, many=True) else None
         states = starts_of(job.system, courses[:1] * self.starts, phases, free)  # all begin at one speed
         lanes = {number: self._lanes(number) for number in range(self.chunks)}
         pieces = {
