@@ -643,8 +643,8 @@ class Design(Shown):
         shown = ["share.of", "rattles.before", "rattles.after"]
         yield ["goal", "margin.before", "margin.after", *shown, "reached", "change.without"]
         for each in self.judged:
-            reached = each.is_reached and not each.rattles[1]
-            yield [each.words, each.before, each.after, each.of, *each.rattles, reached, each.without]
+            margins = [each.before, each.after, each.of, *each.rattles]
+            yield [each.words, *margins, each.verdict == "reached", each.without]
 
     def _route_rows(self) -> Rows:
         yield ["ways", "start", "change", "missing", "responses", "limit", *(each.name for each in self.changes)]

@@ -416,12 +416,8 @@ class RattleStudy(RangeStudy):
                 f"at {sampled} values the settled motion did not become periodic within {self.sweep.patience} forcing "
                 f"periods; between these values, {step:.4g} apart, nothing is known"
             )
-        if not complete and self.by_steps(job.system):
-            parts, steps = len(job.known[PIECE]), self.sweep.steps
-            every = len(pieces_of(steps, 0, {})) * stages_of(steps)
-            notes.append(f"stopped when {parts} of {every} parts of the sweeps were done; what is shown is theirs")
-        elif not complete:
-            notes.append(f"stopped when {len(job.known[SWEEP])} of {len(Direction)} sweeps were done")
+        if not complete:
+            notes.append(f"stopped when {self.done(job)} of {self.total(job)} parts of the study were done")
         known = tuple(each for each in worst if each is not None)
         bands, about = bands_of_sweeps(sweeps, self.gaps), (self.parameter, self.ends, self.gaps, self.reference)
         if (quiet := job.one(QUIET)) is not None:
