@@ -12,7 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import kept, released, usual_gaps
-from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, Quiet, unstable_spans
+from gapwalk.answers.goals import (
+    COARSE,
+    EXACT,
+    MARGIN,
+    AnyGoal,
+    Goal,
+    LocalResponse,
+    Need,
+    NoPoint,
+    Quiet,
+    unstable_spans,
+)
 from gapwalk.answers.lane_sweep import is_many
 from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure
@@ -50,6 +61,7 @@ _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
 # largest step of a response without gaps; steps of `SettledCurve` between two values at which a new train is settled
 _SMOOTH, _WATCHED = 0.2, 8
+_OF: dict[type, str] = {Quiet: "the clearance", NoPoint: "the width of the band"}  # what margins are shares of
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -723,7 +735,8 @@ def proved(
         rattles = [isinstance(goal, Quiet) and goal.gap in some for some in (now, loose)]
         least = math.nan if rattles[0] and margin >= 0.0 else margin  # with all flanks held it would be quiet
         words = goal.words(new.system, problem.parameter)
-        judged.append(JudgedGoal(words, least, goal.margin(new), of=goal.share_of, rattles=(rattles[0], rattles[1])))
+        of = _OF.get(type(goal), "the limit")
+        judged.append(JudgedGoal(words, least, goal.margin(new), of=of, rattles=(rattles[0], rattles[1])))
     failures += [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
     if others:
         low, high = min(each.value for each in others), max(each.value for each in others)

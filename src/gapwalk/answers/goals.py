@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,8 +263,6 @@ class Need(NamedTuple):
 class Goal(ABC):
     """A goal of a design."""
 
-    share_of: ClassVar[str] = "the limit"  #: What its margin is a share of.
-
     def ways(self, system: System) -> tuple[str, ...]:
         """Return the ways in which a system may reach the goal; each is tried."""
         return ("",)
@@ -323,7 +321,6 @@ class NoPoint(Goal):
     'no fold between Ω = 1.35 and 1.42'
     """
 
-    share_of: ClassVar[str] = "the width of the band"
     kind: Kind  #: ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
     within: tuple[float, float]  #: The band: its lower and its upper end.
 
@@ -511,7 +508,6 @@ class Quiet(Goal):
     'stop quiet between Ω = 0.6 and 0.8'
     """
 
-    share_of: ClassVar[str] = "the clearance"
     gap: str  #: Name of the contact.
     within: tuple[float, float]  #: The band.
 
