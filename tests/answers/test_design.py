@@ -279,3 +279,5 @@ def test_a_gap_that_others_shake_is_not_called_quiet() -> None:
     assert not found.is_reached
     assert "mesh2" in rattling(found.system)
     assert 'they need goals too: { quiet = "mesh1" }' in found.sentence
+    assert found.judged[0].after >= 0.0  # with all flanks held
+    assert found.judged[0].verdict == "rattles"

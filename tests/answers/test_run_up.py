@@ -146,6 +146,23 @@ def test_inertias_pull_back_while_the_reaction_runs_the_train_up(ratio):
     assert run.signal("mesh.force")[late] == pytest.approx(0.002 / ratio**2 * rate - drag, rel=1e-3)
 
 
+@pytest.mark.parametrize("by", ["curves", "steps"])
+def test_the_torque_of_a_drag_follows_the_square_of_the_speed(by):
+    system = gw.train.Train(
+        [gw.train.Inertia("engine", 1.0), gw.train.Inertia("rotor", 0.01)],
+        [gw.train.Shaft("link", ("engine", "rotor"), stiffness=2000.0, damping=2.0)],
+        drags=[gw.train.Drag("fan", ("rotor", "ground"), quadratic=1e-3)],
+        reaction="engine",
+        frequency=60.0,
+        harmonics=[gw.Harmonic(0.1, {"engine": 1.0}, order=2)],
+    ).system()
+    course = SpeedCourse.ramp(60.0, 140.0, 40.0)
+    run = gw.ask.run_up(system, course, samples=32, by=by)
+    assert run.signal("fan.force") == pytest.approx(1e-3 * (run.speed + run.signal("rotor.speed")) ** 2, rel=1e-9)
+    assert abs(run.peaks[0].force) == pytest.approx(1e-3 * 140.0**2, rel=1e-3)
+    assert gw.ask.run_ups(system, [course]).by_steps  # the batch of exact ones holds such torques
+
+
 def test_a_constant_speed_is_a_run_up_without_acceleration():
     system = impacting().at(frequency=0.9)
     run = gw.ask.run_up(system, SpeedCourse([0.0, 20.0], [0.9, 0.9]), state=[0.1, 0.3], phase=1.0, samples=64)

@@ -156,6 +156,7 @@ def test_the_result_of_another_text_gets_a_number_and_that_of_the_same_is_kept(m
     assert main(["run", str(model), "-j"]) == 0
     assert "stop.gapwalk was the result of another model text; it is now stop-1.gapwalk" in capsys.readouterr().err
     assert Path("stop-1.gapwalk").read_bytes() == before
+    assert all(Path(f"stop-1{end}").is_file() for end in (".png", ".svg", "-points.csv", "-special-points.csv"))
     model.write_text(MODEL)
     assert main(["run", str(model), "-o", "stop.gapwalk", "--quiet"]) == 2  # a name that was asked for stays
     assert main(["run", str(model), "-f", "--quiet"]) == 0

@@ -1,5 +1,6 @@
 """The probability of rattle in production: a closed form, resume, workers, trains, and what is refused."""
 
+import io
 import math
 from pathlib import Path
 
@@ -136,6 +137,18 @@ def test_gears_are_judged_by_equal_steps() -> None:
     assert found.chance("any gap", 1000.0).value >= found.chance("mesh1", 1000.0).value
     assert rms[codes >= 5].mean() > rms[codes < 5].mean()
     assert "rad/s^2" in str(found.summary())
+
+
+def test_accelerations_of_other_units_are_not_compared() -> None:
+    inertia = 'name = "gear1"\ninertia = "0.0034 kg m^2"\n'
+    train = gw.read_model(io.StringIO(GEARS.read_text().replace(inertia, inertia + 'radius = "50 mm"\n')))
+    laws = [gw.ask.Spread("mesh1.clearance", sd=0.05 * train["mesh1.clearance"])]
+    found = gw.ask.rattle_chance(train, laws, values=[900.0], gaps=["mesh1", "mesh2"], samples=4, workers=1)
+    assert [found.unit(name) for name in found.names] == ["m/s^2", "rad/s^2", ""]
+    assert np.isnan(found.at("any gap", 900.0)[1]).all()
+    figure = Figure()
+    draw(found, figure=figure)
+    assert len(figure.axes) == 2
 
 
 def test_parts_without_an_answer_do_not_count() -> None:

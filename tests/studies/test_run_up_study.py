@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.studies.export import table_of
 
 STOP = """
 coordinates = ["x"]
@@ -60,6 +61,7 @@ def test_tables_of_jumps_and_orders(laid_over):
     numbers = np.array(rows[1:], dtype=float)
     assert orders[1:][numbers[:, 2:].argmax(axis=1)] == pytest.approx(1.0)  # the order of the load
     assert any("after the fold" in line for line in map(str, laid_over.summary()))
+    assert table_of(laid_over, "order-cuts").splitlines()[1].endswith(",")  # without units, no level in a band of Hz
     assert laid_over.document(False)["jumps"][0]["fold"] == laid_over.delays[0].fold
 
 
@@ -83,3 +85,15 @@ def test_a_run_up_that_never_reached_the_fold_has_no_delay(laid_over):
 def test_what_has_no_orders_is_refused(more, word):
     with pytest.raises(gw.errors.ModelError, match=word):
         gw.read_study(io.StringIO(STOP + more))
+
+
+def test_samples_resolve_the_level_of_rattle_at_the_lowest_speed():
+    text = """
+    speed = "800 rpm"
+    inertia = [{ name = "a", inertia = "1 kg m^2" }, { name = "b", inertia = "1 kg m^2" }]
+    shaft = [{ name = "s", between = ["a", "b"], stiffness = "100 N m/rad" }]
+    harmonic = [{ order = 0.5, amplitude = "1 N m", acts_on = { a = 1.0 } }]
+    study = { kind = "run-up", from = "600 rpm", to = "900 rpm", rate = "30 rpm/s", orders = 4 }
+    """
+    study = gw.read_study(io.StringIO(text))
+    assert study.options.sampling(study.system) / 2 * 600.0 / 60.0 / 2 >= 5000.0

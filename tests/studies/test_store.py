@@ -235,7 +235,7 @@ def test_force_spares_what_is_no_result(tmp_path) -> None:
     ("study", "message"),
     [
         (stop_study(end=1.8), "end is 1.8, and was 1.9"),
-        (stop_study(**{"stop.clearance": 1.5}), "stop.clearance is 1.5, and was 1.0"),
+        (stop_study(**{"stop.clearance": 1.5}), "stop.clearance is 1.5, and was 1"),
         (gw.Study(gw.System(["y"], [[1.0]]), stop_study().options), "other parts"),
     ],
 )

@@ -12,7 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import kept, released, usual_gaps
-from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, Quiet, unstable_spans
+from gapwalk.answers.goals import (
+    COARSE,
+    EXACT,
+    MARGIN,
+    AnyGoal,
+    Goal,
+    LocalResponse,
+    Need,
+    NoPoint,
+    Quiet,
+    unstable_spans,
+)
 from gapwalk.answers.lane_sweep import is_many
 from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure
@@ -50,6 +61,7 @@ _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
 # largest step of a response without gaps; steps of `SettledCurve` between two values at which a new train is settled
 _SMOOTH, _WATCHED = 0.2, 8
+_OF: dict[type, str] = {Quiet: "the clearance", NoPoint: "the width of the band"}  # what margins are shares of
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -515,13 +527,21 @@ class JudgedGoal:
     """A goal, and how far it is reached."""
 
     words: str  #: Description.
-    #: before, after: Margins of the present and of the new design: relative to the width of the band, to the clearance
-    #: or to the limit; negative where the goal is not reached.
+    #: before, after: Margins of the present and of the new design, as shares of `of`; negative where the goal is not
+    #: reached. NaN if unknown, as where all flanks would be held, but the gap rattles, shaken by others.
     before: float
     after: float
     #: Change with which all other goals are reached without this one; nan if that was not asked, infinite if they are
     #: not reached either.
     without: float = math.nan
+    of: str = ""  #: What the margins are shares of: of a clearance, of a limit, ...
+    #: Whether the gap rattles in the motion of the present and of the new design that settles from rest.
+    rattles: tuple[bool, bool] = (False, False)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the new design reaches the goal, in a word."""
+        return "rattles" if self.rattles[1] else "reached" if self.is_reached else "missed"
 
     @property
     def is_reached(self) -> bool:
@@ -594,10 +614,11 @@ class Design(Shown):
         yield Table(("parameter", ">before", ">after", ">change", ">limits"), rows)
         yield ""
         goals = [
-            (each.words, _margin(each.before), _margin(each.after), "reached" if each.is_reached else "missed")
+            (each.words, _margin(each.before, each.rattles[0]), _margin(each.after, each.rattles[1]), each.verdict)
             for each in self.judged
         ]
         yield Table(("goal", ">margin before", ">after", ""), goals)
+        yield f"margins are shares of {', or of '.join(dict.fromkeys(each.of for each in self.judged))}"
         for each in self.judged:
             if math.isfinite(each.without):
                 yield f'  without the goal "{each.words}", a change of norm {each.without:.4g} reaches all other goals'
@@ -631,9 +652,11 @@ class Design(Shown):
             yield [each.name, each.before, each.after, each.percent, each.low, each.high]
 
     def _goal_rows(self) -> Rows:
-        yield ["goal", "margin.before", "margin.after", "reached", "change.without"]
+        shown = ["share.of", "rattles.before", "rattles.after"]
+        yield ["goal", "margin.before", "margin.after", *shown, "reached", "change.without"]
         for each in self.judged:
-            yield [each.words, each.before, each.after, each.is_reached, each.without]
+            margins = [each.before, each.after, each.of, *each.rattles]
+            yield [each.words, *margins, each.verdict == "reached", each.without]
 
     def _route_rows(self) -> Rows:
         yield ["ways", "start", "change", "missing", "responses", "limit", *(each.name for each in self.changes)]
@@ -658,8 +681,8 @@ def _size(each: ChangedParameter) -> float:
     return abs(each.after - each.before) / (abs(each.before) or 0.5 * (each.high - each.low))
 
 
-def _margin(value: float) -> str:
-    return "unknown" if math.isnan(value) else f"{value:+.4f}"
+def _margin(value: float, rattles: bool) -> str:
+    return f"{value:+.4f}" if not math.isnan(value) else "rattles" if rattles else "unknown"
 
 
 def _percent(each: ChangedParameter) -> str:
@@ -688,10 +711,13 @@ def proved(
     present, before = _present(fine, notes)
     found: list[FoundOrbit] = []
     searched: tuple[float, ...] = ()
+    now, loose = dict[str, list[float]](), dict[str, list[float]]()
     response: Branch | None = None
     failures: list[str] = []
     if problem.is_held:
-        searched = _watched(problem, released(new.system), failures)
+        now, _ = _parted(problem, released(present.system), notes)
+        loose, searched = _parted(problem, released(new.system), failures)
+        failures += _against(problem, released(new.system), loose)
         try:
             response = problem.free_response(new).branch if not failures else None
         except NumericalError as error:
@@ -704,10 +730,13 @@ def proved(
     own = [each for each in found if each.orbit.period == problem.lead.period]
     isolated = [] if problem.is_held else _followed(new.branch, own, notes)
     others = tuple(each for each in found if each.orbit.period != problem.lead.period)
-    judged = [
-        JudgedGoal(goal.words(new.system, problem.parameter), margin, goal.margin(new))
-        for goal, margin in zip(problem.goals, before, strict=True)
-    ]
+    judged = []
+    for goal, margin in zip(problem.goals, before, strict=True):
+        rattles = [isinstance(goal, Quiet) and goal.gap in some for some in (now, loose)]
+        least = math.nan if rattles[0] and margin >= 0.0 else margin  # with all flanks held it would be quiet
+        words = goal.words(new.system, problem.parameter)
+        of = _OF.get(type(goal), "the limit")
+        judged.append(JudgedGoal(words, least, goal.margin(new), of=of, rattles=(rattles[0], rattles[1])))
     failures += [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
     if others:
         low, high = min(each.value for each in others), max(each.value for each in others)
@@ -770,20 +799,28 @@ def first_orbit(
     return find_orbit(system, period, start)
 
 
-def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tuple[float, ...]:
-    """Settle a new design from rest at steps of the range; note which gaps part. Return the values."""
+def _parted(
+    problem: DesignProblem, system: System, notes: list[str]
+) -> tuple[dict[str, list[float]], tuple[float, ...]]:
+    """Settle a design from rest at steps of the range; return where gaps part in the bands of goals, and the values."""
     curve = SettledCurve(system, problem.parameter, (system[problem.parameter], problem.end))
     try:
         bands = curve.spread(_WATCHED)
     except NumericalError as error:
-        failures.append(str(error))
-        return ()
+        notes.append(str(error))
+        return {}, ()
     bounds = {goal.gap: goal.within for goal in problem.goals if isinstance(goal, Quiet)}
     parted: dict[str, list[float]] = {}
     for place, form in enumerate(system.structure.equations.contacts):
         least, most = bounds.get(form.name, (-math.inf, math.inf))
         values = [band.value for band in bands if band.separations[place] > 0.0 and least <= band.value <= most]
         parted |= {form.name: values} if values else {}
+    return parted, tuple(band.value for band in bands)
+
+
+def _against(problem: DesignProblem, system: System, parted: dict[str, list[float]]) -> list[str]:
+    """Return why a new design is not proved: the gaps of goals that part, with others that shake them."""
+    failures, bounds = [], [goal.gap for goal in problem.goals if isinstance(goal, Quiet)]
     for gap, values in parted.items():
         if gap in bounds:
             where = between_words((min(values), max(values)), problem.parameter, system.units)
@@ -792,7 +829,7 @@ def _watched(problem: DesignProblem, system: System, failures: list[str]) -> tup
     if failures and others:
         more = ", ".join(f'{{ quiet = "{gap}" }}' for gap in others)
         failures[0] += f"; other gaps rattle and shake it, so that they need goals too: {more}"
-    return tuple(band.value for band in bands)
+    return failures
 
 
 def _present(problem: DesignProblem, notes: list[str]) -> tuple[LocalResponse, list[float]]:

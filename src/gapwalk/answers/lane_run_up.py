@@ -22,6 +22,7 @@ from gapwalk.ensemble.lane_ramp import PIECES, RampLanes
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
+from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.system import System
 from gapwalk.pieces import tell
 
@@ -29,14 +30,19 @@ _OF_ONE = ("up", "down", "peak", "approach", "side", GRIP)
 _OF_MANY = ("least", "most", "up", "down", "peak", "side", GRIP)
 
 
-def is_by_steps(system: System, by: SweepBy) -> bool:
+def is_by_steps(system: System, by: SweepBy, many: bool = False) -> bool:
     """Return True if run-ups of a system are made by equal steps; raise a ModelError if they cannot be as asked."""
+    drags = [form.name for form in system.structure.contacts if many and any(map(is_computed, form.parameters))]
     is_dry = any(form.law.is_dry for form in system.structure.contacts)
     if by is SweepBy.STEPS:
         refuse(system.structure.equations)
     if by is SweepBy.CURVES and is_dry:
         raise ModelError('the exact run-up cannot include dry friction; write by = "steps", or leave the friction out')
-    return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and (is_dry or is_many(system)))
+    if by is SweepBy.CURVES and drags:
+        raise ModelError(
+            f'the torque of {drags[0]} changes with the speed, which many run-ups include by = "steps" only; write that'
+        )
+    return by is SweepBy.STEPS or (by is SweepBy.CHOSEN and (is_dry or bool(drags) or is_many(system)))
 
 
 def start_by_steps(ramped: Ramped, system: System, phases: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -272,7 +272,8 @@ class RunUp(Shown):
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces, shape (samples, contacts)."""
-        found = self._by_parts(lambda own: _forces(self.system, self.theta[own], self.states[own]))
+        ramped, pace = Ramped(self.system), self.speed * self.system.structure.frequency
+        found = self._by_parts(lambda own: ramped.forces(self.theta[own], self.states[own], pace[own]))
         found[:, self._dry] = self._friction
         return found
 
@@ -514,19 +515,17 @@ def start_at(system: System, phase: float) -> NDArray[np.float64]:
     return integrate(system, settled.state, phase % PERIOD / PERIOD, 16).states[-1]
 
 
-def _forces(system: System, theta: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the contact forces, which depend on the state and the angle alone."""
-    q, v = np.split(states, 2, axis=1)
-    return contact_forces(layout_of(system.structure), coefficients_of(system), theta, q, v)
-
-
 def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[ContactEvent]) -> tuple[ForcePeak, ...]:
     """Find the largest force of each contact, between samples too."""
     system = ramped.system
     contacts = system.structure.contacts
     if not contacts:
         return ()
-    forces, starts = np.abs(_forces(system, thetas, states)), [each.angles[0] + each.turn for each in intervals]
+    starts = [each.angles[0] + each.turn for each in intervals]
+    paces = np.concatenate(
+        [intervals[0].paces(intervals[0].angles[:1]), *(each.paces(each.angles[1:]) for each in intervals)]
+    )
+    forces = np.abs(ramped.forces(thetas, states, paces))
     inner = innermost_switches(system)
     found = []
     for number, form in enumerate(contacts):
@@ -540,16 +539,15 @@ def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[
             piece = intervals[int(np.searchsorted(starts, thetas[left] + 1e-9, side="right")) - 1]
             begin = thetas[left] - piece.turn
             fine = np.linspace(begin, thetas[left + 1] - piece.turn, _REFINED)
-            pace = float(np.sqrt(piece.speed**2 + 2.0 * piece.acceleration * (begin - piece.angles[0])))
-            moved = ramped.sample(states[left], fine, pace, piece.acceleration).states
-            values = _forces(system, fine, moved)[:, number]
+            paces = piece.paces(fine)
+            moved = ramped.sample(states[left], fine, float(paces[0]), piece.acceleration).states
+            values = ramped.forces(fine, moved, paces)[:, number]
             top = int(np.argmax(np.abs(values)))
             if abs(values[top]) > abs(best[0]):
                 best = (float(values[top]), float(fine[top] + piece.turn), piece)
         force, theta, piece = best
         time = float(piece.times(np.array([theta - piece.turn]))[0])
-        speed = np.sqrt(piece.speed**2 + 2.0 * piece.acceleration * (theta - piece.turn - piece.angles[0]))
-        speed = float(speed) / system.structure.frequency
+        speed = float(piece.paces(theta - piece.turn)) / system.structure.frequency
         found.append(ForcePeak(form.name, force, speed, time, theta, len(hits), max(hits, default=0.0)))
     return tuple(found)
 

@@ -155,11 +155,15 @@ class RunUps(Shown):
         """Return the largest forces with their spread, and a table over the rates."""
         symbol = parameter_symbol(self.system.structure.pace, self.system.units)
         rates, group = self._groups
-        yield (
-            f"{len(self.courses)} run-ups over {symbol} at {len(rates)} rates from {rates[0]:.4g} to {rates[-1]:.4g}; "
-            f"error {self.error:.2g}, worst {self.worst:.2g} in {self.trials} comparisons with "
-            + ("half the step" if self.by_steps else "the exact flow")
+        per = f" {self.system.units.parameter(self.system.structure.pace)}/s" if self.system.units else ""
+        error, worst = f"{100.0 * self.error:.2g} % (root mean square)", f"{100.0 * self.worst:.2g} %"
+        said = (
+            f"error {error} of the largest motion, {worst} at worst, in {self.trials} comparisons with the exact flow"
         )
+        if self.by_steps:
+            said = f"with half the step, largest forces of {self.trials} differ by {error}, by {worst} at worst"
+        at = f"at {len(rates)} rates from {rates[0]:.4g} to {rates[-1]:.4g}{per}"
+        yield f"{len(self.courses)} run-ups over {symbol} {at}: {said}"
         yield from self.sentences
         if np.any(self.diverged):
             yield f"{int(self.diverged.sum())} diverged"
@@ -263,7 +267,7 @@ def run_ups(
         raise ModelError(f"phases must be one angle for each of the {count} run-ups") from None
     if not np.all(np.isfinite(angles)):
         raise ModelError("phases must be finite angles, in radians")
-    by_steps = is_by_steps(system, SweepBy(by))
+    by_steps = is_by_steps(system, SweepBy(by), many=True)
     if states is None:
         begun = starts_of(system, courses, angles, ramped if by_steps else None)
     else:

@@ -167,11 +167,13 @@ class Piece(NamedTuple):
     speed: float
     acceleration: float
 
+    def paces(self, angles: ArrayLike) -> NDArray[np.float64]:
+        """Return the speeds W at some angles, less whole turns."""
+        return np.sqrt(self.speed**2 + 2.0 * self.acceleration * (np.asarray(angles) - self.angles[0]))
+
     def times(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the times at some angles, less whole turns."""
-        since = angles - self.angles[0]
-        speeds = np.sqrt(self.speed**2 + 2.0 * self.acceleration * since)
-        return self.begun + 2.0 * since / (self.speed + speeds)
+        return self.begun + 2.0 * (angles - self.angles[0]) / (self.speed + self.paces(angles))
 
 
 def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -> NDArray[np.float64]:

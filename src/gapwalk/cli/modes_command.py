@@ -141,7 +141,9 @@ def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
     lines = []
     for each in rest.equilibria:
         forces = ", ".join(
-            f"{contact.name} {contact.deflection:.4g}{angle} (force {contact.force:.4g}{torque})"
+            f"{contact.name} {contact.force:.4g}{torque}"
+            if contact.slips
+            else f"{contact.name} {contact.deflection:.4g}{angle} (force {contact.force:.4g}{torque})"
             for contact in each.contacts
         )
         lines.append(f"  static equilibrium with {each}{forces and f': {forces}'}")

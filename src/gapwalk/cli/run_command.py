@@ -34,7 +34,7 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.results.result_file import looks_like_result
 from gapwalk.studies.export import save_tables
-from gapwalk.studies.result import Result, check_claim, is_another
+from gapwalk.studies.result import Result, check_claim, is_another, open_result
 from gapwalk.studies.runner import check_work, run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies
@@ -114,8 +114,23 @@ def _make_room(path: Path, study: Study) -> None:
     with suppress(GapwalkError):
         if path.is_file() and looks_like_result(path) and is_another(path, study):
             number = next(k for k in count(1) if not path.with_stem(f"{path.stem}-{k}").exists())
+            products = _products_of(path)
             kept = path.rename(path.with_stem(f"{path.stem}-{number}"))
-            show([f"{path} was the result of another model text; it is now {kept}"], console(stderr=True))
+            for each in products:
+                each.replace(each.with_name(kept.stem + each.name.removeprefix(path.stem)))
+            also = ", its pictures and tables too" * bool(products)
+            show([f"{path} was the result of another model text; it is now {kept}{also}"], console(stderr=True))
+
+
+def _products_of(path: Path) -> list[Path]:
+    """Return the pictures and tables beside a result that it has; none if it cannot be read."""
+    result, found = None, [path.with_suffix(".png"), path.with_suffix(".svg")]
+    with suppress(GapwalkError, OSError):
+        result = open_result(path)
+    if not isinstance(result, Result):
+        return []
+    found += [path.with_name(f"{path.stem}-{name}.csv") for name in result.tables()]
+    return [each for each in found if each.is_file()]
 
 
 def _file_number(path: Path) -> int | None:
@@ -129,11 +144,12 @@ def _file_number(path: Path) -> int | None:
 def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool) -> tuple[int, dict[str, Any]]:
     """Run one study, write its files, and print its result; return the exit code and the JSON document, if wanted."""
     screen = console(stderr=json)
+    earlier = _products_of(path) if force else []
     with progress_of(study.options, study.name) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
     code = exit_code(result)
     if code == INTERRUPTED:
-        _remove_earlier_products(result, path)
+        _remove_earlier_products(result, path, earlier)
     files = [path, *(write_products(result, path) if code != INTERRUPTED else ())]
     if not json:
         show_heading(study, screen)
@@ -171,10 +187,11 @@ def write_products(result: Result, output: Path) -> list[Path]:
     return [*pictures, *tables]
 
 
-def _remove_earlier_products(result: Result, output: Path) -> None:
+def _remove_earlier_products(result: Result, output: Path, earlier: list[Path]) -> None:
     """Remove the pictures and tables of an earlier result beside one that was stopped, and say so."""
-    tables = (output.with_name(f"{output.stem}-{name}.csv") for name in dict.fromkeys((*result.tables(), "bands")))
-    old = [each for each in (output.with_suffix(".png"), output.with_suffix(".svg"), *tables) if each.is_file()]
+    tables = (output.with_name(f"{output.stem}-{name}.csv") for name in result.tables())
+    every = dict.fromkeys((output.with_suffix(".png"), output.with_suffix(".svg"), *tables, *earlier))
+    old = [each for each in every if each.is_file()]
     for each in old:
         each.unlink()
     if old:

@@ -170,9 +170,13 @@ class Angles:
             return 0.0
         return self.wave(wave, derivative) / self.coefficients[..., 0] ** derivative
 
+    def value(self, slot: int) -> NDArray:
+        """Return a number of a law."""
+        return self.coefficients[..., slot]
+
     def named(self, numbers: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, NDArray]:
         """Return the values of some parameters by name."""
-        values = {name: self.coefficients[..., slot] for name, slot in numbers.items()}
+        values = {name: self.value(slot) for name, slot in numbers.items()}
         return values | {name: values[name] * (1.0 + self.wave(wave)) for name, wave in waves.items() if name in values}
 
 

@@ -503,8 +503,10 @@ def accelerations_at(system: System, contact: str) -> list[str]:
     if isinstance(assembly, TrainAssembly):
         link = next(link for link in assembly.form.links if f"{contact}.".startswith(f"{link.name}."))
         inertias = assembly.form.inertias
-        # the part that can fly is held by fewer links than the one that it meets
-        held = {end: sum(end in each.ends for each in assembly.form.links if not each.drag) for end in link.ends}
+        # the part that can fly is held by fewer links without a gap than the one that it meets, else by fewer links
+        links = [each for each in assembly.form.links if not each.drag]
+        tight = [each for each in links if each.always or (each.rigid and not each.contact)]
+        held = {end: [sum(end in each.ends for each in some) for some in (tight, links)] for end in link.ends}
         ends = {inertias[end] for end in link.ends if end < len(inertias) and held[end] == min(held.values())}
         known = acceleration_names(system)
         return [name for name in known if name.rpartition(".")[0] in ends] or known

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow import Flow, Variations
-from gapwalk.flow.forces import Angles, balance
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.flow.forces import Angles, balance, contact_forces
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
 from gapwalk.model.laws.formula import is_computed
 from gapwalk.model.structure import Structure
@@ -37,6 +37,18 @@ from gapwalk.model.system import System
 _NODES = (0.5, 1.0, 1.5)  # speeds, relative to the given one, whose parabola gives the growth with the speed
 _CHECKS = (0.7, 1.25)
 _EXACT = 1e-11  # relative difference above which a coefficient is no parabola of the speed
+
+
+class _AtSpeeds(Angles):
+    """Angles along a run-up, where numbers of laws grow with the speed, as the slip of a drag does."""
+
+    def __init__(self, layout: CoefficientLayout, growth: NDArray, theta: NDArray, speed: NDArray) -> None:
+        super().__init__(layout, growth[0], theta)
+        self.growth, self.speed = growth, speed
+
+    def value(self, slot: int) -> NDArray:
+        """Return a number of a law at each sample."""
+        return np.polynomial.polynomial.polyval(self.speed, self.growth[:, slot])
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +172,13 @@ class Ramped:
             if table.any():
                 total += speed[:, None] ** power * balance(table, q, v, forces, waves)
         return total
+
+    def forces(
+        self, theta: NDArray[np.float64], states: NDArray[np.float64], speed: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the contact forces at samples with the speeds W, shape (samples, contacts)."""
+        layout, (q, v) = layout_of(self.system.structure), np.split(states, 2, axis=1)
+        return contact_forces(layout, self.growth[0], theta, q, v, angles=_AtSpeeds(layout, self.growth, theta, speed))
 
     def sample(
         self, state: NDArray[np.float64], thetas: NDArray[np.float64], speed: float, acceleration: float

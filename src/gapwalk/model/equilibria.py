@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from gapwalk.bracketed_root import find_root
 from gapwalk.errors import ConvergenceError
 from gapwalk.model.coefficients import coefficients_of, layout_of, static_load
+from gapwalk.model.laws.formula import MEAN_SLIP
 from gapwalk.model.spring import Range, Slope, Spring, springs_of
 from gapwalk.model.static_force import StaticForce, formula_matrices, formulas_of, static_forces_of
 from gapwalk.model.system import System
@@ -412,6 +413,8 @@ class ContactRest:
     closed: tuple[str, ...]
     #: True for a force by a formula: it has no sides and stages. Of several deflections, `deflection` is the first.
     is_formula: bool = False
+    #: True for a drag between parts that turn at different speeds: its deflection grows on, and means nothing.
+    slips: bool = False
 
     @property
     def is_open(self) -> bool:
@@ -441,7 +444,7 @@ class Equilibrium:
     stable: bool  #: True if the equilibrium is stable.
 
     def __str__(self) -> str:
-        texts = [str(contact) for contact in self.contacts] or ["no contacts"]
+        texts = [str(contact) for contact in self.contacts if not contact.slips] or ["no contacts"]
         texts += [f"free to move in {self.loose} direction{'s' if self.loose > 1 else ''}"] * bool(self.loose)
         return ", ".join([*texts, *["unstable"] * (not self.stable)])
 
@@ -608,7 +611,8 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
             return None
         names, side = tuple(each.stage for each in slopes), slopes[0].sign if slopes else 0
         own = float(law.force) if slopes or force.is_formula else 0.0
-        contacts.append(ContactRest(spring.form.name, depth, own, side, names, force.is_formula))
+        slips = any(name.rpartition(".")[2] == MEAN_SLIP for name in spring.form.parameters)
+        contacts.append(ContactRest(spring.form.name, depth, own, side, names, force.is_formula, slips))
         if force.is_formula or any(each.curved for each in slopes):
             stiff, drag = law.stiffness @ force.deflections, law.damping @ force.deflections
         else:

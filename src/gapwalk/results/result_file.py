@@ -39,6 +39,7 @@ from gapwalk.files import why_no_file
 from gapwalk.interrupts import uninterrupted
 from gapwalk.model.registry import UnknownNameError
 from gapwalk.model.system import System
+from gapwalk.model.words import told_apart
 from gapwalk.results.codec import Packed, decode, encode
 
 # Differences of two requests: a result file is continued only with the request that began it.
@@ -78,7 +79,10 @@ def _system_differences(now: System, then: System) -> Iterator[str]:
         yield "the system is made of other parts"
         return
     for place in np.flatnonzero(now.values != then.values).tolist():
-        yield f"{now.structure.names[place]} is {float(now.values[place])!r}, and was {float(then.values[place])!r}"
+        name, pair = now.structure.names[place], (float(now.values[place]), float(then.values[place]))
+        unit = now.units.parameter(name) if now.units else ""
+        is_now, was = (f"{text} {unit}".rstrip() for text in told_apart(*pair))
+        yield f"{name} is {is_now}, and was {was}"
 
 
 def _kind_of(value: Any) -> str:

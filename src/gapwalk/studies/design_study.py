@@ -319,7 +319,7 @@ class DesignStudy(RangeStudy):
             "within": list(found.within),
             "change": found.change,
             "changes": [_plain_row(each) | {"percent": plain_numbers(each.percent)} for each in found.changes],
-            "goals": [_plain_row(each) | {"reached": each.is_reached} for each in found.judged],
+            "goals": [_plain_row(each) | {"reached": each.verdict == "reached"} for each in found.judged],
             "searches": [_plain_row(each) for each in found.routes],
             "proof": {
                 "special_points": [special.to_dict() for special in getattr(found.response, "special_points", ())],

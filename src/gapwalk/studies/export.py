@@ -113,13 +113,20 @@ class CsvFormat(DataFormat):
         return table_of(record, table).encode()
 
 
+def _text(value: object) -> object:
+    """Return what a cell has: nothing where there is no value."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if isinstance(value, float) and math.isnan(value) else value
+
+
 def table_of(record: Described, name: str) -> str:
     """Return one of the tables of a record as comma-separated values; headings have units if its system has some."""
     header, *rows = record.tables()[name]()
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table_headings(record, name, header))
-    writer.writerows([str(value).lower() if isinstance(value, bool) else value for value in row] for row in rows)
+    writer.writerows(map(_text, row) for row in rows)
     return text.getvalue()
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from gapwalk.answers.gap_states import WATCHED, GapVerdicts, chosen_gaps, judge_
 from gapwalk.answers.lane_sweep import random_states
 from gapwalk.answers.tolerance import BINS, Chance, Spreads, chance_of
 from gapwalk.errors import ModelError
-from gapwalk.flow.motion import acceleration_names, accelerations_at, quadrature
+from gapwalk.flow.motion import accelerations_at, quadrature
 from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, value_words
@@ -111,9 +111,10 @@ class RattleChance(Shown):
         from scipy.stats import rankdata  # imported late, because the import is slow
 
         codes, rms = self.at(name, value)
-        if np.isfinite(rms).sum() < 2:
+        known = np.isfinite(rms) if np.isfinite(rms).any() else ~np.isin(codes, (_REFUSED, _DIVERGED))
+        if known.sum() < 2:
             return np.full((2, self.samples.shape[1]), np.nan)
-        ranks = rankdata(np.column_stack((self.samples, rms, codes >= _RATTLES))[np.isfinite(rms)], axis=0)
+        ranks = rankdata(np.column_stack((self.samples, rms, codes >= _RATTLES))[known], axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.corrcoef(ranks, rowvar=False)[-2:, :-2]
 
@@ -130,21 +131,26 @@ class RattleChance(Shown):
             yield f"{name} rattles at {where} in {share} of all parts {within}, {found.samples:,} samples)"
             order = np.argsort(-np.abs(rank), kind="stable")[:_MOST]
             told = [k for k in order if abs(rank[k]) >= _SURE / np.sqrt(max(found.samples, 1))]
-            level = [f"{each:.4g}" for each in self.level(name, value)]
+            level = ["" if np.isnan(each) else f"{each:.4g}" for each in self.level(name, value)]
+            level += [self.unit(name)] * bool(units)
             rows.append([name, f"{value:g}", *level, ", ".join(f"{varied[k]} {rank[k]:+.2f}" for k in told)])
         heads = (
             "gap",
             f">{self.system.structure.pace}",
-            f">rms{self.unit}",
+            ">rms",
             ">95 %",
+            *["unit"] * bool(units),
             "rank correlation with rms or rattle",
         )
         yield Table(heads, rows)
-        if np.isfinite(self.rms).any():
-            number, *place = np.unravel_index(np.nanargmax(self.rms), self.rms.shape)
+        for unit, own in self.alike.items():
+            if not np.isfinite(self.rms[:, :, own]).any():
+                continue
+            number, at, gap = np.unravel_index(np.nanargmax(self.rms[:, :, own]), self.rms[:, :, own].shape)
             numbers = zip(self.samples[number].tolist(), varied, strict=True)
             text = ", ".join(value_words(*each, units, 4) for each in numbers)
-            yield f"the loudest part is sample {number + 1}, rms {self.rms[number, *place]:.4g}{self.unit}: {text}"
+            level = f"rms {self.rms[number, at, own[gap]]:.4g} {unit}".rstrip()
+            yield f"the loudest part is sample {number + 1}, {level} behind {self.names[own[gap]]}: {text}"
         if notes:
             yield from remarks(self.notes, ())
 
@@ -155,11 +161,21 @@ class RattleChance(Shown):
         stopped = () if self.complete else (f"stopped when {len(self.samples):,} samples were done",)
         return (*stopped, *(f"{count:,} {text}" for text, count in counts.items() if count))
 
+    def unit(self, name: str) -> str:
+        """Return the unit of the accelerations behind a gap; empty without units, and if those of any gap differ."""
+        own = {unit for unit, places in self.alike.items() if self.names.index(name) in (*places, len(self.gaps))}
+        return own.pop() if len(own) == 1 else ""
+
     @property
-    def unit(self) -> str:
-        """Unit of the accelerations, in brackets; empty without units."""
-        units = self.system.units
-        return f" [{units.signal(acceleration_names(self.system)[0])[1]}]" if units else ""
+    def gaps(self) -> tuple[str, ...]:
+        """The names without ``any gap``."""
+        return self.names[:-1] or self.names
+
+    @cached_property
+    def alike(self) -> dict[str, list[int]]:
+        """The numbers of the gaps by the unit of their accelerations."""
+        units = [unit_behind(self.system, gap) for gap in self.gaps]
+        return {unit: [k for k, own in enumerate(units) if own == unit] for unit in dict.fromkeys(units)}
 
     def tables(self) -> Tables:
         """Return the probabilities with accelerations and rank correlations, and all samples."""
@@ -171,21 +187,21 @@ class RattleChance(Shown):
             "gap",
             self.system.structure.pace,
             *heads,
+            *["unit"] * bool(self.system.units),
             *(f"{of}.{name}" for of in ("rank.rms", "rank.rattle") for name in self.spreads.varied),
         ]
         for value, name in ((value, name) for value in self.values for name in self.names):
-            numbers = [
-                *self.chance(name, value)[1:],
-                *self.level(name, value),
-                *self.influence(name, value).ravel().tolist(),
-            ]
-            yield [name, value, *("" if np.isnan(each) else each for each in numbers)]
+            level = [*self.chance(name, value)[1:], *self.level(name, value)]
+            unit = [self.unit(name)] * bool(self.system.units)
+            yield [name, value, *level, *unit, *self.influence(name, value).ravel().tolist()]
 
     def _sample_rows(self) -> Rows:
-        yield ["sample", *self.spreads.varied, self.system.structure.pace, "gap", "state", "rms"]
+        units = [[self.unit(name)] * bool(self.system.units) for name in self.names]
+        heads = ["gap", "state", "rms", *["unit"] * bool(self.system.units)]
+        yield ["sample", *self.spreads.varied, self.system.structure.pace, *heads]
         for (k, j, g), code in np.ndenumerate(self.codes):
-            rms = "" if np.isnan(self.rms[k, j, g]) else float(self.rms[k, j, g])
-            yield [k + 1, *self.samples[k].tolist(), self.values[j], self.names[g], STATES[code], rms]
+            level = [float(self.rms[k, j, g]), *units[g]]
+            yield [k + 1, *self.samples[k].tolist(), self.values[j], self.names[g], STATES[code], *level]
 
     def __repr__(self) -> str:
         return f"RattleChance({', '.join(self.names)}, {len(self.samples):,} samples)"
@@ -209,15 +225,18 @@ def _parts(found: RattleChance) -> Parts:
             series.append(Series(found.values, middle, "line", look, ", ".join(names)))
             series.append(Series(found.values, middle, "dots", look))
         return Parts(charts=[Panel("parts that rattle [%]", pace, series, across=parameter_words(pace, units))])
-    every = found.rms[np.isfinite(found.rms)]
-    ends = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
-    for k, name in enumerate(found.names[:-1] or found.names):
-        rms = found.rms[np.isfinite(found.rms[:, 0, k]), 0, k]
-        heights, edges = np.histogram(rms, min(BINS, max(5, int(np.sqrt(len(rms))))), ends)
-        y = np.concatenate(([0.0], np.repeat(heights, 2), [0.0]))
-        series.append(Series(np.repeat(edges, 2), y, "line", _LOOKS[k % len(_LOOKS)], name))
-    across = f"rms acceleration{found.unit} at {value_words(min(found.values), pace, units, 6)}"
-    return Parts(charts=[Panel("parts", "rms", series, across=across)])
+    charts = []
+    for unit, own in found.alike.items():
+        every, series = found.rms[:, 0, own], list[Series]()
+        ends = (float(np.nanmin(every)), float(np.nanmax(every))) if np.isfinite(every).any() else (0.0, 1.0)
+        for k in own:
+            rms = found.rms[np.isfinite(found.rms[:, 0, k]), 0, k]
+            heights, edges = np.histogram(rms, min(BINS, max(5, int(np.sqrt(len(rms))))), ends)
+            y = np.concatenate(([0.0], np.repeat(heights, 2), [0.0]))
+            series.append(Series(np.repeat(edges, 2), y, "line", _LOOKS[k % len(_LOOKS)], found.names[k]))
+        across = f"rms acceleration{f' [{unit}]' if unit else ''} at {value_words(min(found.values), pace, units, 6)}"
+        charts.append(Panel("parts", "rms", series, across=across))
+    return Parts(charts=charts)
 
 
 CHUNKS = Part("parts", ChanceChunk, numbered=True)
@@ -358,8 +377,16 @@ def _judge_parts(system: System, asked: RattleChanceStudy, piece: tuple[int, int
             rms[place] = np.fmax(rms[place], levels[k])
     if len(gaps) > 1:
         codes = np.concatenate((codes, codes.max(axis=2, keepdims=True)), axis=2)
-        rms = np.concatenate((rms, np.fmax.reduce(rms, axis=2, keepdims=True)), axis=2)
+        largest = np.fmax.reduce(rms, axis=2, keepdims=True)
+        alike = len({unit_behind(system, gap) for gap in gaps}) == 1
+        rms = np.concatenate((rms, largest if alike else np.full_like(largest, np.nan)), axis=2)
     return ChanceChunk(number, drawn, codes, rms)
+
+
+def unit_behind(system: System, gap: str) -> str:
+    """Return the unit of the acceleration behind a gap; empty without units."""
+    names = accelerations_at(system, gap)
+    return " or ".join(dict.fromkeys(system.units.signal(name)[1] for name in names)) if system.units else ""
 
 
 def _levels(gaps: Sequence[str], systems: Sequence[System], found: GapVerdicts) -> NDArray[np.float64]:

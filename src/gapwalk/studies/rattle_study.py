@@ -417,7 +417,7 @@ class RattleStudy(RangeStudy):
                 f"periods; between these values, {step:.4g} apart, nothing is known"
             )
         if not complete:
-            notes.append(f"stopped when {len(job.known[SWEEP])} of {len(Direction)} sweeps were done")
+            notes.append(f"stopped when {self.done(job)} of {self.total(job)} parts of the study were done")
         known = tuple(each for each in worst if each is not None)
         bands, about = bands_of_sweeps(sweeps, self.gaps), (self.parameter, self.ends, self.gaps, self.reference)
         if (quiet := job.one(QUIET)) is not None:

@@ -19,7 +19,7 @@ from gapwalk.answers.order_map import OrderMap, order_map
 from gapwalk.answers.run_up import JumpDelay, RunUp, run_up
 from gapwalk.answers.run_ups import LEVELS, RunUps, run_ups, starts_of
 from gapwalk.answers.speed_course import SpeedCourse
-from gapwalk.attractors.spectrum import turns_of
+from gapwalk.attractors.spectrum import BAND, turns_of
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.continuation.walk import EndReason
@@ -82,8 +82,13 @@ class RunUpFinding(Finding):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The reason why a part of the response is not known."""
-        return (self.response.note,) if self.response is not None and self.response.note else ()
+        """The reasons why a part of the response, or the level of rattle, is not known."""
+        found = [self.response.note] if self.response is not None and self.response.note else []
+        needed = self.asked.for_level(self.found.system) if isinstance(self.found, RunUp) else 0
+        if self._map and needed and not np.isfinite(self._map.spectra.band).all():
+            level = f"the level from {BAND[0]:.0f} to {BAND[1]:.0f} Hz"
+            found.append(f"{level} is not known at all speeds: it needs samples = {needed} or more")
+        return tuple(found)
 
     @property
     def drawn(self) -> dict[str, Any]:
@@ -229,6 +234,7 @@ def _rate_rows(found: RunUps) -> Iterator[list[object]]:
 CHUNK = 64
 """Run-ups in a chunk: one part of a file, and what a killed run loses at most."""
 _MOST = 1_000_000
+_SAMPLES, _MOST_SAMPLES = 512, 65_536  # per forcing period, by default and at most
 
 
 def _speed(value: object, info: ValidationInfo[Surroundings]) -> object:
@@ -334,7 +340,9 @@ class RunUpStudy(StudyKind):
     #: Signal of the table and the picture of a single run-up, as in `RunUp.signal`; by default the coordinate of the
     #: contact with the largest force.
     signal: str = ""
-    samples: Annotated[int, Ge(16), Le(65_536)] = 512  #: Samples per forcing period of a single run-up.
+    #: Samples per forcing period of a single run-up; by default 512, or with `orders` as many as the level from 500 to
+    #: 5,000 Hz needs.
+    samples: Annotated[int, Ge(16), Le(_MOST_SAMPLES)] | None = None
     #: True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over it,
     #: with the delay of each jump.
     with_response: bool = False
@@ -382,7 +390,7 @@ class RunUpStudy(StudyKind):
             )
         asked = cls(**values)
         Ramped(system)  # refuses what cannot run up
-        is_by_steps(system, asked.by)
+        is_by_steps(system, asked.by, asked.count > 1)
         if asked.signal and (names := _signal_names(system)) and asked.signal not in names:
             raise ModelError(f"signal is {given(asked.signal)}; signals of a run-up are {', '.join(names)}")
         if asked.orders:
@@ -399,10 +407,11 @@ class RunUpStudy(StudyKind):
                 f"orders needs a single run-up, but there are {self.count}; write one rate and leave starts and steps "
                 "out, or leave orders out"
             )
-        highest = self.samples / 2.0 * float(system.turns or 1)
+        samples = self.sampling(system)
+        highest = samples / 2.0 * float(system.turns or 1)
         if self.orders > highest:
             raise ModelError(
-                f"orders is {self.orders:g}; with samples = {self.samples} there are orders up to {highest:g}: write "
+                f"orders is {self.orders:g}; with samples = {samples} there are orders up to {highest:g}: write "
                 f"samples = {math.ceil(2.0 * self.orders / float(system.turns or 1))} or more"
             )
         periods = float(self.courses[0].turned[-1]) * system.structure.frequency / PERIOD
@@ -411,6 +420,18 @@ class RunUpStudy(StudyKind):
             raise ModelError(
                 f"window is {self.window}, but the run-up lasts only {periods / turns:.3g} {what}; write a shorter one"
             )
+
+    def sampling(self, system: System) -> int:
+        """Return the samples per forcing period: as asked, or as many as are needed."""
+        if self.samples is not None or not self.orders:
+            return self.samples or _SAMPLES
+        needed = max(2.0 * self.orders / float(system.turns or 1), self.for_level(system))
+        return int(min(max(_SAMPLES, 1 << (math.ceil(needed) - 1).bit_length()), _MOST_SAMPLES))
+
+    def for_level(self, system: System) -> int:
+        """Return the samples per forcing period that the level of rattle needs at the lowest speed; 0 without units."""
+        lowest = float(self.courses[0].speed.min()) * system.structure.frequency / PERIOD
+        return math.ceil(2.0 * BAND[1] / lowest) if system.units else 0
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -452,7 +473,7 @@ class RunUpStudy(StudyKind):
         if self.count > 1:
             yield from self._many(job)
         elif job.one(RUN) is None:
-            run = job.keep(RUN, run_up(job.system, self.courses[0], samples=self.samples, by=self.by))
+            run = job.keep(RUN, run_up(job.system, self.courses[0], samples=self.sampling(job.system), by=self.by))
             yield run._replace(news=())
         if self.with_response and job.one(RESPONSE) is None:
             yield job.keep(RESPONSE, _slow_response(job.system, self.courses))._replace(news=())
@@ -461,7 +482,7 @@ class RunUpStudy(StudyKind):
         courses = self.courses
         phases = PERIOD * np.arange(self.starts) / self.starts
         runs = [(course, phase) for course in courses for phase in phases.tolist()]
-        free = Ramped(job.system) if is_by_steps(job.system, self.by) else None
+        free = Ramped(job.system) if is_by_steps(job.system, self.by, many=True) else None
         states = starts_of(job.system, courses[:1] * self.starts, phases, free)  # all begin at one speed
         lanes = {number: self._lanes(number) for number in range(self.chunks)}
         pieces = {

@@ -185,6 +185,12 @@ def test_numbers_that_were_rounded_in_a_file_are_even_ones() -> None:
         ([0.0, TURN], [1.0, 1.0], {}, "2 samples; a period needs 3"),
         ([0.0, 1.0, TURN], [1.0, 1.0], {}, "3 angles, but 2 values"),
         ([0.0, 1.0, np.inf], np.zeros(3), {}, "finite"),
+        (
+            np.delete(np.linspace(0, TURN, 361), np.s_[4:38]),
+            np.sin(np.delete(np.linspace(0, TURN, 361), np.s_[4:38])),
+            {},
+            "samples are missing from 3 deg to 38 deg: the other steps are 1 deg",
+        ),
         ([0.0, 1.0, 1e9], np.zeros(3), {}, "too large"),
         (np.linspace(0, TURN, 9), np.zeros(9), {"per": "stroke"}, "per is 'stroke'"),
         (np.linspace(0, TURN, 9), np.zeros(9), {"error": 1.0}, "error is 1.0; it must be a number >= 0 and < 1"),

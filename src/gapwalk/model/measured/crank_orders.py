@@ -31,6 +31,7 @@ _TURNS = {"turn": 1, "cycle": 2}
 _EVEN = 1e-2  # of a step: how far samples may be from even ones, as where angles were rounded in the file
 _CLOSED = 0.02  # of a step: an angle so close to the first one, a period later, is that angle
 _GAP = 1.5  # of the largest step: the gap at the end that is completed
+_MOSTLY, _HOLE = 0.9, 4.0  # share of steps that are equal, and the steps in a hole, from which samples are missing
 _JUMP = 0.01  # of the range of the signal: how much a period may begin and end differently
 _BLOCK = 64  # harmonics of a polyline that are computed at once
 _HIGHEST = 2048  # harmonic of a polyline
@@ -268,6 +269,7 @@ def one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, 
     if np.any((steps[1:] == 0.0) & (steps[:-1] == 0.0)):
         at = int(np.flatnonzero((steps[1:] == 0.0) & (steps[:-1] == 0.0))[0])
         raise ModelError(f"there are three samples at {_degrees(x[at])}; two are a jump, so give at most two")
+    _check_rows(x, y)
     period = 2.0 * math.pi * turns
     span, largest = float(x[-1] - x[0]), float(np.max(steps))
     near = _CLOSED * min(float(np.median(steps)) or largest, largest)
@@ -284,6 +286,18 @@ def one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, 
         y[0] = 0.5 * (y[0] + y[-1])
         x, y = x[:-1], y[:-1]
     return x, y
+
+
+def _check_rows(x: Array, y: Array) -> None:
+    """Refuse even samples of which some are missing; a long step between equal values is a line that is meant."""
+    steps = np.diff(x)
+    usual, at = float(np.median(steps)), int(np.argmax(steps))
+    even = np.mean(np.abs(steps - usual) <= _EVEN * usual) >= _MOSTLY
+    if even and steps[at] > _HOLE * usual and abs(float(y[at + 1] - y[at])) > _JUMP * float(np.ptp(y)):
+        raise ModelError(
+            f"samples are missing from {_degrees(x[at])} to {_degrees(x[at + 1])}: the other steps are "
+            f"{_degrees(usual)}; give them, or samples on a straight line if it is one"
+        )
 
 
 def _not_a_period(x: Array, turns: int, step: float) -> str:
