@@ -13,6 +13,8 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work
 
+CHUNKS = "chunks of cells"
+"""What the parts of such work are."""
 _COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
 
@@ -115,7 +117,7 @@ class CellWork(Work):
         return (
             None
             if self.asked is None
-            else AnswerFinding(self.asked, self.record, self.done, self.total, "chunks of cells")
+            else AnswerFinding(self.asked, self.record, self.done, self.total, CHUNKS)
         )
 
 
