@@ -220,13 +220,14 @@ def _are_gaps(gaps: tuple[str, ...] | None, info: ValidationInfo[Surroundings]) 
     return chosen_gaps(info.context.system, gaps) if info.context.system else gaps
 
 
-def _listed(gaps: object) -> object:
+def listed(gaps: object) -> object:
+    """Return one name as a list."""
     return [gaps] if isinstance(gaps, str) else gaps
 
 
 GAPS = Annotated[
     list[str] | None,
-    BeforeValidator(_listed),
+    BeforeValidator(listed),
     Field(description='write the contacts that may rattle, as in gaps = ["mesh"]'),
     AfterValidator(_are_gaps),
 ]
