@@ -272,9 +272,7 @@ def test_a_train_that_rattles_without_period_is_made_quiet(tmp_path) -> None:
 
 
 def test_a_gap_that_others_shake_is_not_called_quiet() -> None:
-    (study,) = read_studies(
-        io.StringIO(GEARS.replace(', "mesh1"]', "]").replace('gear1 = "-0.4', 'gear1 = "-0.2'))
-    )
+    (study,) = read_studies(io.StringIO(GEARS.replace(', "mesh1"]', "]").replace('gear1 = "-0.4', 'gear1 = "-0.2')))
     found = gw.run(study).finding.record
     assert not found.is_reached
     assert "mesh2" in rattling(found.system)

@@ -12,7 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import kept, released, usual_gaps
-from gapwalk.answers.goals import COARSE, EXACT, MARGIN, AnyGoal, Goal, LocalResponse, Need, NoPoint, Quiet, unstable_spans
+from gapwalk.answers.goals import (
+    COARSE,
+    EXACT,
+    MARGIN,
+    AnyGoal,
+    Goal,
+    LocalResponse,
+    Need,
+    NoPoint,
+    Quiet,
+    unstable_spans,
+)
 from gapwalk.answers.lane_sweep import is_many
 from gapwalk.answers.settled_curve import SettledCurve
 from gapwalk.answers.shown_measure import shown_measure

@@ -114,11 +114,7 @@ class CellWork(Work):
 
     def finding(self) -> AnswerFinding | None:
         """Return the record as the finding of a study; None if the work is not that of a study."""
-        return (
-            None
-            if self.asked is None
-            else AnswerFinding(self.asked, self.record, self.done, self.total, CHUNKS)
-        )
+        return None if self.asked is None else AnswerFinding(self.asked, self.record, self.done, self.total, CHUNKS)
 
 
 def check_until_right(

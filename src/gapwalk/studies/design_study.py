@@ -94,7 +94,7 @@ class GoalTable:
         low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
         high = ends[1] if self.end is None else _number(system, parameter, self.end)
         if self.no is not None:
-            return [NoPoint(self.no, (low, high))]  # pyright: ignore[reportArgumentType]
+            return [NoPoint(self.no, (low, high))]  # pyright: ignore[reportArgumentType, reportReturnType]
         if self.quiet:
             return [Quiet(gap, (low, high)) for gap in self.quiet]
         assert self.peak is not None

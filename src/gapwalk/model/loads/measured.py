@@ -35,7 +35,7 @@ _SHARED = ("growth", "at", "over_speed")  # keys of its table that are its field
 _SPEED = ("speed", "rpm", "n", "frequency")  # names of the column of speeds
 _DISPLACED = ("displacement", "transmission error", "error", "deflection", "clearance", "x")
 _LISTED = 12  # orders that are listed one by one
-_LOW = 0.01  # share of the strongest order above which a lower one that is left out is told
+_LOW = 0.01  # share of the strongest order above which a lower one that is left out is reported
 _MEANS = ("deflection", "clearance")  # what varies by the curve itself, by the last part of its name
 
 
