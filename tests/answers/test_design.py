@@ -239,7 +239,7 @@ parameter = "speed"
 from = "1040 rpm"
 to = "1100 rpm"
 changes = [{ parameter = "springs.stiffness", by = 0.3 }, { parameter = "flywheel.inertia", by = 0.3 }]
-goals = [{ quiet = "mesh2" }, { quiet = "mesh1" }]
+goals = [{ quiet = ["mesh2", "mesh1"] }]
 starts = 0
 workers = 1
 """
@@ -272,9 +272,7 @@ def test_a_train_that_rattles_without_period_is_made_quiet(tmp_path) -> None:
 
 
 def test_a_gap_that_others_shake_is_not_called_quiet() -> None:
-    (study,) = read_studies(
-        io.StringIO(GEARS.replace(', { quiet = "mesh1" }', "").replace('gear1 = "-0.4', 'gear1 = "-0.2'))
-    )
+    (study,) = read_studies(io.StringIO(GEARS.replace(', "mesh1"]', "]").replace('gear1 = "-0.4', 'gear1 = "-0.2')))
     found = gw.run(study).finding.record
     assert not found.is_reached
     assert "mesh2" in rattling(found.system)

@@ -1,5 +1,6 @@
 """Maps of rattle against the closed form of the motion that does not touch."""
 
+import io
 import math
 
 import numpy as np
@@ -9,8 +10,10 @@ import gapwalk as gw
 from gapwalk.answers.gap_states import GapState
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.model.model_source import parse_source
+from gapwalk.studies import read_studies
 from gapwalk.studies.study_file import check_study
 from tests.answers.test_rattle_bands import DAMPING, GAP, STOP, stopped
+from tests.studies.test_complete_response import TRAIN
 
 MODEL = f"""
 coordinates = ["x"]
@@ -85,3 +88,14 @@ def test_it_tells_itself(found):
     rows = list(found.tables()["cells"]())
     assert len(rows) == 1 + 12 * 8
     assert found.record.plot() is not None
+
+
+def test_a_map_of_a_train_of_many_parts_is_made_of_cells_alone() -> None:
+    more = 'second = { parameter = "flywheel.inertia", from = "0.1 kg m^2", to = "0.2 kg m^2" }\nresolution = [2, 2]\ncheck = 0'
+    head = 'kind = "rattle"\nparameter = "speed"\nfrom = "800 rpm"\nto = "900 rpm"\n'
+    text = f"{TRAIN[: TRAIN.index('[study]')]}[study]\n{head}{more}\nworkers = 1\n"
+    (study,) = read_studies(io.StringIO(text))
+    found = gw.run(study).finding.record
+    assert not found.loci
+    assert sum(found.cells("mesh1").values()) == 4
+    assert found.notes[0].startswith("no borders are followed where a train has so many parts")

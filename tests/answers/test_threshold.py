@@ -146,6 +146,8 @@ def test_texts_of_a_threshold_have_units() -> None:
         "mesh and clutch do not rattle over speed from 700 to 1100 rpm at mean.gear = -3.1 N m and below (mesh and "
         "clutch still rattle at mean.gear = -3 N m, speed = 900 rpm)"
     )
+    edge = dataclasses.replace(two, at=700.0)
+    assert edge.sentence.endswith("speed = 700 rpm, an end of the range: a wider one may have another threshold)")
 
 
 @pytest.mark.slow

@@ -26,11 +26,13 @@ def test_the_worst_gap_is_drawn_and_ways_without_a_period_are_in_the_legend(foun
     crosses = tuple(replace(row, period=0) for row in found.severities)
     loudest = max(crosses, key=lambda row: row.rms)
     figure = gw.plot.draw(replace(found, severities=crosses)).figure
-    assert loudest.part.partition(".")[0] in " ".join(ax.get_ylabel() for ax in figure.axes)
+    assert loudest.gap in figure.axes[0].get_ylabel()
     words = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
-    assert {"speed rising", "speed falling"} <= words
+    (milder,) = (each.severity for each in found.worst if each.severity.gap != loudest.gap)
+    assert {"speed rising", "speed falling", f"{milder.gap} ({milder.part.partition('.')[0]})"} <= words
     plt.close(figure)
     assert rattle_picture(found).contacts[0] == loudest.gap
+    assert [row.split()[0] for row in str(found.summary()).splitlines()[2:4]] == [loudest.gap, milder.gap]
     for gap in found.gaps:
         assert rattle_picture(found, gap).axes == ("speed", f"half.{gap}")
 

@@ -238,4 +238,4 @@ def test_a_long_part_shows_its_share() -> None:
     reached._begun -= 10.0
     assert str(reached).startswith("1 of 4  38 %  about ")
     reached.note(lines.Pace(4, 4, 1))
-    assert str(reached) == "4 of 4  100 %  the result is put together and checked"
+    assert str(reached) == "4 of 4  100 %  the result is put together and checked: 50 %"

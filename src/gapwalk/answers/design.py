@@ -60,7 +60,7 @@ _DONE = 1e-6  # relative changes, and missing margins relative to the safety mar
 _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
 # largest step of a response without gaps; steps of `SettledCurve` between two values at which a new train is settled
-_SMOOTH, _WATCHED = 0.2, 8
+_SMOOTH, _WATCHED = 0.05, 8
 _OF: dict[type, str] = {Quiet: "the clearance", NoPoint: "the width of the band"}  # what margins are shares of
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
@@ -257,11 +257,13 @@ class DesignProblem:
         if self.is_held:  # it is smooth, and need not be walked through a resonance beyond the goals
             ends = [value for goal in self.goals for value in goal.band or (end,)]
             walk, end = replace(walk, largest_step=_SMOOTH), min(ends) if end < system[self.parameter] else max(ends)
-        return LocalResponse(moved, self.parameter, end, self.names, scales, walk)
+        # multipliers that turn fast with the speed, and grazes, say nothing about a flank that is held
+        is_plain = self.is_held and not any(isinstance(goal, NoPoint) for goal in self.goals)
+        return LocalResponse(moved, self.parameter, end, self.names, scales, walk, is_plain)
 
     def free_response(self, held: LocalResponse) -> LocalResponse:
         """Return the response of the machine, from the motion with all gaps held; a NumericalError if it is none."""
-        return replace(held, lead=find_orbit(released(held.system), self.lead.period, held.lead.state))
+        return replace(held, lead=find_orbit(released(held.system), self.lead.period, held.lead.state), is_plain=False)
 
     def ways(self) -> list[tuple[str, ...]]:
         """Return the combinations of the ways of all goals."""

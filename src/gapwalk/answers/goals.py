@@ -23,7 +23,7 @@ from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.continuation.walk import EndReason, WalkOptions
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.motion import force_of, quadrature, signal_names, signal_place
 from gapwalk.model.bounds import Positive, check_fields
@@ -32,6 +32,7 @@ from gapwalk.model.modes import find_modes
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import between_words
+from gapwalk.orbit.method import chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.pieces import tell_stage
 
@@ -69,6 +70,7 @@ class LocalResponse:
     names: tuple[str, ...]  #: Parameters that may change.
     scales: tuple[float, ...]  #: Size of a relative change of 1 of each of them.
     walk: WalkOptions = COARSE  #: Options of the walk.
+    is_plain: bool = False  #: True if its special points do not matter, and are not sought.
 
     @cached_property
     def walked(self) -> Branch:
@@ -78,6 +80,16 @@ class LocalResponse:
         def told(point: BranchPoint, _: object) -> None:
             tell_stage((point.value - begin) / (self.end - begin))
 
+        if self.is_plain:
+            way = 1 if self.forward > 0.0 else -1
+            start = start_branch(self.lead, self.parameter, self.end, way, chosen(self.lead.own_method))
+            steps, points = Walk(start.first, start.within, start.corrector, self.walk), [start.first]
+            for point in steps:
+                points.append(point)
+                told(point, None)
+            if steps.end is not None and steps.end.reason is EndReason.RANGE:
+                ends = End(EndReason.START, points[0].value), steps.end
+                return Branch(self.parameter, self.lead.period, tuple(points), (), ends)
         return follow(self.lead, self.parameter, self.end, walk=self.walk, report=told)
 
     @cached_property

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from itertools import chain, pairwise
+from itertools import chain, cycle, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,7 @@ _JUDGED = 4  # motions without period whose kind is found
 NOT_PERIODIC = "not periodic"
 _RANKED = {"approach": "fastest impacts", "rms": "largest acceleration", "peak": "largest force"}
 _COLUMNS = {"approach": 12, "peak": 11}  # their columns, which are not left out
+_KEYS = {"approach": "approach", "rms": "rms", "peak": "peak force"}
 _SHOWN = 3  # movers of an end in the summary
 _MILDER = 0.9  # ratio of the ranks of a milder motion and the worst, up to which it is reported
 _LIKE = 0.98  # ratio of two accelerations above which they are those of one motion
@@ -263,7 +264,9 @@ class RattleBands(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
+        """Return the ranked gaps, a sentence for each, the bands, the severity along them, and notes if wanted."""
+        if self.worst[1:]:
+            yield from self._ranking()
         yield from (self.sentence(gap) for gap in self.gaps)
         symbol = parameter_symbol(self.parameter, self.system.units)
         rows, groups = [], []
@@ -284,6 +287,32 @@ class RattleBands(Shown):
             yield from self._severity_parts(gap)
         if notes:
             yield from remarks(self.notes, ())
+
+    def _ranking(self) -> SummaryParts:
+        """Yield a table of the gaps from the worst rattle to the mildest."""
+        units, is_rms = self.system.units, bool(self._unit(self.worst[0]))
+        rows = []
+        for each in ranked(self):
+            row, bands = each.severity, self.of(each.severity.gap)
+            ends = (f"{end.value:.6g}" for end in (bands[0].low, bands[-1].high))
+            figures = (row.rms, row.per_second, row.peak) if is_rms else (_rank(row), row.per_second)
+            rms, *others = (_figure(figure, row) for figure in figures)
+            rows.append((row.gap, *ends, f"{row.value:.6g}", f"{rms} {self._unit(each)}".rstrip(), *others))
+        rows += [(gap, "quiet", *[""] * (len(rows[0]) - 2)) for gap in self.gaps if not self.of(gap)]
+        first = ">rms" if is_rms else f">{_KEYS[_key(each.severity for each in self.worst)]}"
+        many = ">impacts/s" if units else ">impacts/time"
+        of = f"[{units.parameter(self.parameter)}]" if units and units.parameter(self.parameter) else ""
+        places = (f">{name} {of}".rstrip() for name in ("rattles from", "to", "worst at"))
+        headings = ("gap", *places, first, many, *[">peak [N m]"] * is_rms)
+        yield Table(headings, rows)
+        if len({self._unit(each) for each in self.worst}) > 1:
+            yield "accelerations in rad/s^2 are those of parts without a radius; they rank behind those in m/s^2"
+        yield ""
+
+    def _unit(self, worst: Worst) -> str:
+        """Return the unit of the acceleration by which a gap is ranked; empty if it is ranked by something else."""
+        is_rms = self.system.units and _key([worst.severity]) == "rms"
+        return self.system.units.signal(worst.severity.part)[1] if self.system.units and is_rms else ""
 
     def tables(self) -> Tables:
         """Return the tables of bands, of what moves their ends, and of severity."""
@@ -629,16 +658,18 @@ def _kind_of(system: System, states: NDArray[np.float64]) -> str:
 
 
 _TINTS = {GapState.ONE_SIDE: ("one", "rattles on one side"), GapState.BOTH_SIDES: ("both", "rattles on both sides")}
+_LOOKS = ("third", "main", "before", "fourth")  # of gaps beside the chosen one
 _SAMPLED = 64  # samples of a forcing period of a motion without period
 
 
 @pictured(RattleBands, size=(8.0, 9.0))
 def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     """Describe the bands of a gap, the worst if none is named, over the response, with severity and impacts below."""
-    worst = max((each.severity for each in found.worst), key=partial(_loudness, found), default=None)
+    worst = next((each.severity for each in ranked(found)), None)
     gap, units = chosen_gap(found.gaps, gap or (worst and worst.gap)), found.system.units
     every = {each: moved_by(found.system, each)[0] for each in (gap, *found.gaps)}  # the chosen one is the first
     moved, others = every[gap], [each for each in every if each != gap and found.of(each)]
+    drawn = "accelerations only" if worst and found._unit(Worst(worst, math.nan, 0)) else "not drawn here"
     curves = [
         NamedCurve(f"{sweep.met}-{number}", stretch.branch, *_look(found, sweep.met), stretch.points)
         for sweep in found.sweeps
@@ -650,7 +681,7 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
         curves,
         partial(_parts_of_bands, found, every),
         sentences=[found.sentence(each) for each in every],
-        heading=[found.sentence(gap), *([f"not drawn here: {', '.join(others)}"] if others else [])],
+        heading=[found.sentence(gap), *([f"of {', '.join(others)}: {drawn}"] if others else [])],
         contacts=tuple(every),
         of=gap,
         script="[stretch.branch for sweep in record.sweeps for stretch in sweep.stretches]",
@@ -660,12 +691,9 @@ def rattle_picture(found: RattleBands, gap: str | None = None) -> Picture:
     )
 
 
-def _loudness(found: RattleBands, row: Severity) -> float:
-    """Return the number by which gaps are compared: accelerations in one unit, of angles if not all have a radius."""
-    units = found.system.units
-    if units and len({units.signal(each.severity.part)[1] for each in found.worst}) > 1 and _key([row]) == "rms":
-        return row.rms / units.signal(row.part)[0]
-    return _rank(row)
+def ranked(found: RattleBands) -> list[Worst]:
+    """Return the worst motions of the gaps from loud to quiet: first those whose part has a radius, then the others."""
+    return sorted(found.worst, key=lambda each: (found._unit(each) == "rad/s^2", -_rank(each.severity)))
 
 
 def chosen_gap(gaps: Sequence[str], gap: str | None) -> str:
@@ -773,9 +801,27 @@ def _severity_panels(found: RattleBands, gap: str) -> Iterator[Panel]:
     }[key]
     worst = [each.severity for each in found.worst if each.severity.gap == gap][:1]
     stars = [Series([each.value], [getattr(each, key)], "stars", "worst", "worst") for each in worst]
-    yield Panel(title, found.parameter, [*_along(found, rows, key), *stars], gap)
+    unit = units.signal(part)[1] if units and key == "rms" else ""
+    same, *others = _of_others(found, gap, unit).items()
+    title = f"rms acceleration [{unit}]" if same[1] else title
+    yield Panel(title, found.parameter, [*_along(found, rows, key), *same[1], *stars], gap)
+    for other, series in others:
+        yield Panel(f"rms acceleration [{other}]", found.parameter, series, gap, height=0.7)
     many = "impacts per s" if units else "impacts per time"
     yield Panel(many, found.parameter, list(_along(found, rows, "per_second")), gap, height=0.8)
+
+
+def _of_others(found: RattleBands, gap: str, unit: str) -> dict[str, list[Series]]:
+    """Return the largest accelerations along the parameter behind other gaps that rattle, by unit."""
+    of_unit: dict[str, list[Series]] = {unit: []}
+    others = (each for each in ranked(found) if unit and each.severity.gap != gap)
+    for each, look in zip(others, cycle(_LOOKS), strict=False):
+        largest: dict[float, float] = {}
+        for row in (row for row in found.severities if row.gap == each.severity.gap):
+            largest[row.value] = max(row.rms, largest.get(row.value, 0.0))
+        text = f"{each.severity.gap} ({each.severity.part.removesuffix('.acceleration')})"
+        of_unit.setdefault(found._unit(each), []).append(Series([*largest], [*largest.values()], "line", look, text))
+    return of_unit
 
 
 def _along(found: RattleBands, rows: Sequence[Severity], key: str) -> Iterator[Series]:

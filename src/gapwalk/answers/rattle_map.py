@@ -39,7 +39,7 @@ from gapwalk.picture_parts import (
     curves_of_loci,
     pictured,
 )
-from gapwalk.pieces import done, workers_around
+from gapwalk.pieces import tell, workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _BEYOND = 60  # points of a walk after the first change of all gaps
@@ -183,13 +183,17 @@ def borders(
     # At each section, a value of the second parameter, the settled motion is followed from either end of the first
     # range up to the first such point. A point that lies on a locus that is known already is not followed again.
     pieces = [(section, begin, end) for section in sections for begin, end in (within[0], within[0][::-1])]
-    found = done(partial(_changes_from, system, names, gaps, start, options), pieces)
+    changes, found = partial(_changes_from, system, names, gaps, start, options), list[list[SpecialPoint] | str]()
+    for _, each in workers_around().each(changes, pieces):
+        found.append(each)
+        tell(0.5 * len(found) / len(pieces))
     points = [(point, k) for k, each in enumerate(found) if isinstance(each, list) for point in each]
     loci, failed = list[Locus](), [(k, each) for k, each in enumerate(found) if isinstance(each, str)]
     notes = [(k, f"{names[1]} = {pieces[k][0]:.6g}: {text}") for k, text in failed]
 
     # only the points of one section are followed at the same time: those of the next mostly lie on the same loci
-    for section in dict.fromkeys(sections):
+    for count, section in enumerate(dict.fromkeys(sections)):
+        tell(0.5 + 0.5 * count / len(sections))
         here = [(point, k) for point, k in points if pieces[k][0] == section]
 
         def is_needed(number: int, section: float = section, here: list[tuple[SpecialPoint, int]] = here) -> bool:

@@ -311,7 +311,8 @@ class Threshold(Shown):
             last, first = (value_words(value, self.parameter, units, 6) for value in self.between)
             place = value_words(self.at, self.over, units, 6)
             left = rattle_words(self.last, "still ")
-            return f"{gaps} {verb} not rattle over {over} at {first} {way} ({left} at {last}, {place})"
+            edge = ", an end of the range: a wider one may have another threshold" * (self.at in (self.low, self.high))
+            return f"{gaps} {verb} not rattle over {over} at {first} {way} ({left} at {last}, {place}{edge})"
         if self.limit is None:
             left = rattle_words(self.last, "still ")
             end = f": {left} at {value_words(self.end, self.parameter, units, 6)}"

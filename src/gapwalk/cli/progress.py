@@ -26,6 +26,7 @@ from gapwalk.studies.bifurcation_map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable
 
+_NEARLY = 1.0 - 1e-9
 _FIRST, _AGAIN = 1.0, 10.0  # without a terminal: seconds until the first line, and between the following lines
 
 Words = Callable[..., tuple[Any, ...]]
@@ -78,7 +79,7 @@ class ProgressLine:
 
     def complete(self, share: float) -> None:
         """Draw the bar up to a share."""
-        self._progress.update(self._task, completed=share)
+        self._progress.update(self._task, completed=min(share, _NEARLY))  # the clock of a full bar stands still
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -177,7 +178,8 @@ class _Reached:
         if not self._most:
             return self.place or (f"{self._plan}  0 %" if self._begun else self._plan)
         if pace.done == pace.total:
-            return f"{pace.total} of {pace.total}  100 %  the result is put together and checked"
+            told = f": {100 * min(within, 1.0):.0f} %" if within else ""
+            return f"{pace.total} of {pace.total}  100 %  the result is put together and checked{told}"
         parts, digits = f"{pace.done} of {pace.total}  " * (pace.total > 1), int(self._most < 0.01)
         told = f"{self.place or parts}{100 * self._most:.{digits}f} %"
         told += f"  about {duration(left)} left" * (left >= 0.5 and (self._most >= 0.01 or now - self._begun > _AGAIN))

@@ -33,6 +33,7 @@ from gapwalk.errors import GapwalkError, ModelError, WorkError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.results.result_file import looks_like_result
+from gapwalk.studies.cell_work import CHUNKS
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.result import Result, check_claim, is_another, open_result
 from gapwalk.studies.runner import check_work, run
@@ -148,9 +149,11 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
     with progress_of(study.options, study.name) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
     code = exit_code(result)
-    if code == INTERRUPTED:
+    # cells that are done are drawn, and told, also after Ctrl-C
+    is_shown = code != INTERRUPTED or getattr(result.finding, "counted", "") == CHUNKS
+    if not is_shown:
         _remove_earlier_products(result, path, earlier)
-    files = [path, *(write_products(result, path) if code != INTERRUPTED else ())]
+    files = [path, *(write_products(result, path) if is_shown else ())]
     if not json:
         show_heading(study, screen)
         show(result.summary(), screen)

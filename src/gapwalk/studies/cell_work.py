@@ -13,6 +13,8 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work
 
+CHUNKS = "chunks of cells"
+"""What the parts of such work are."""
 _COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
 
@@ -112,11 +114,7 @@ class CellWork(Work):
 
     def finding(self) -> AnswerFinding | None:
         """Return the record as the finding of a study; None if the work is not that of a study."""
-        return (
-            None
-            if self.asked is None
-            else AnswerFinding(self.asked, self.record, self.done, self.total, "chunks of cells")
-        )
+        return None if self.asked is None else AnswerFinding(self.asked, self.record, self.done, self.total, CHUNKS)
 
 
 def check_until_right(

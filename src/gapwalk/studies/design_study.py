@@ -9,7 +9,7 @@ from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
-from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit, proved
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
@@ -22,6 +22,7 @@ from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
+from gapwalk.studies.rattle_study import listed
 from gapwalk.studies.study_kind import INLINE, Found, Job, plain_numbers
 from gapwalk.studies.study_schema import WITH_UNIT, Start, StartOrState, Surroundings, key_type
 
@@ -59,7 +60,8 @@ class GoalTable:
     """Table of a goal: one of `no`, `quiet`, `peak` and `resonance`, with its band or its limits."""
 
     no: str | None = None  #: A kind of special point that may not lie in the band.
-    quiet: str | None = None  #: A gap that may not rattle in the band.
+    #: A gap that may not rattle in the band, or several: each is a goal.
+    quiet: Annotated[list[str] | None, BeforeValidator(listed)] = None
     #: A contact, shaft or gear whose peak force or torque is to stay below `below` in the band; or another signal.
     peak: str | None = None
     #: Number of a natural frequency, which `order` is to meet below `below` or above `above`.
@@ -75,7 +77,7 @@ class GoalTable:
     at: str = "rest"
 
     def __post_init__(self) -> None:
-        named = [name for name in ("no", "quiet", "peak", "resonance") if getattr(self, name) is not None]
+        named = [name for name in ("no", "quiet", "peak", "resonance") if getattr(self, name) not in (None, [])]
         if len(named) != 1:
             given = " and ".join(named) or "nothing"
             raise ModelError(
@@ -83,23 +85,23 @@ class GoalTable:
                 '{ quiet = "mesh" }, { peak = "mesh", below = "40 N m" } or { resonance = 1, below = "600 rpm" }'
             )
 
-    def goal(self, system: System, parameter: str, ends: tuple[float, float]) -> AnyGoal:
-        """Return the goal that it describes."""
+    def goals(self, system: System, parameter: str, ends: tuple[float, float]) -> list[AnyGoal]:
+        """Return the goals that it describes."""
         if self.resonance is not None:
             pace = system.structure.pace
             below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
-            return Resonance(self.resonance, below, above, self.order, self.at)
+            return [Resonance(self.resonance, below, above, self.order, self.at)]
         low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
         high = ends[1] if self.end is None else _number(system, parameter, self.end)
         if self.no is not None:
-            return NoPoint(self.no, (low, high))  # pyright: ignore[reportArgumentType]
-        if self.quiet is not None:
-            return Quiet(self.quiet, (low, high))
+            return [NoPoint(self.no, (low, high))]  # pyright: ignore[reportArgumentType, reportReturnType]
+        if self.quiet:
+            return [Quiet(gap, (low, high)) for gap in self.quiet]
         assert self.peak is not None
         if self.below is None:
             unit = '"40 N m"' if system.units else "2.0"
             raise ModelError(f"the goal for the peak of {self.peak} has no limit; write below = {unit}")
-        return PeakBelow(self.peak, _size(system, self.peak, self.below), (low, high))
+        return [PeakBelow(self.peak, _size(system, self.peak, self.below), (low, high))]
 
 
 def _number(system: System, parameter: str, value: object) -> float:
@@ -222,7 +224,7 @@ class DesignStudy(RangeStudy):
             if change.parameter == found["parameter"]:
                 raise ModelError(f"changes names {change.parameter}, over which the response is walked; leave it out")
         try:
-            goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
+            goals = tuple(goal for table in found["goals"] for goal in table.goals(system, found["parameter"], ends))
             for goal in goals:
                 goal.check(system, ends)
         except ModelError as error:

@@ -53,11 +53,13 @@ from gapwalk.attractors.basins import centres
 from gapwalk.attractors.lane_settling import LaneMotion
 from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
+from gapwalk.pieces import tell
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
@@ -71,6 +73,10 @@ CHUNK = 512
 """Cells in a chunk."""
 _SEARCHED = 3  # values at which motions are sought that no sweep meets
 _TOGETHER = 4  # of those values in one part of the work, where motions are settled at each step
+_NO_BORDERS = (
+    "no borders are followed where a train has so many parts: its cells are settled by equal steps; the same study "
+    "without second gives the ends of quiet motions over {} exactly"
+)
 _SECTIONS = 3  # values of the second parameter at which points of borders are sought
 
 
@@ -139,8 +145,11 @@ class RattleMapWork(CellWork):
         own = self.system[self.names[1]]
         sections = [*np.linspace(low, high, _SECTIONS + 2)[1:-1].tolist()]
         sections = [own, *sections] if low < own < high else sections
-        loci, notes = borders(self.system, self.names, self.within, self.gaps, asked.start, asked.sweep, sections)
-        self._loci, self._notes = tuple(loci), tuple(notes)
+        if prefers_lanes(self.system):  # to follow one border takes longer than all cells
+            self._notes = (_NO_BORDERS.format(self.names[0]),)
+        else:
+            loci, notes = borders(self.system, self.names, self.within, self.gaps, asked.start, asked.sweep, sections)
+            self._loci, self._notes = tuple(loci), tuple(notes)
         look = partial(_look, self.system, self.names, self.gaps, asked.sweep.patience)
         sentences: dict[int, str] = {}
 
@@ -148,7 +157,8 @@ class RattleMapWork(CellWork):
             states = np.where(finite_rows(self._states[chosen])[:, None], self._states[chosen], self.start)
             jobs = list(zip(self.values[chosen], states, self._codes[chosen].tolist(), strict=True))
             is_wrong = np.zeros(len(chosen), dtype=bool)
-            for k, (codes, text) in workers.each(look, jobs, in_order=False):
+            for number, (k, (codes, text)) in enumerate(workers.each(look, jobs, in_order=False), start=1):
+                tell(number / len(jobs))
                 if text:
                     where = zip(self.names, self.values[chosen[k]].tolist(), strict=True)
                     sentences[chosen[k]] = f"at {', '.join(f'{name} = {value:.6g}' for name, value in where)}: {text}"
@@ -171,7 +181,8 @@ class RattleMapWork(CellWork):
         notes = self._notes
         if not complete:
             done = int((self._codes[:, 0] != -2).sum())
-            notes = (*notes, f"stopped when {done} of {len(self.values)} cells were done")
+            left = "; borders and checks are missing" * (done == len(self.values))
+            notes = (*notes, f"stopped when {done} of {len(self.values)} cells were done{left}")
         arrays = cells(self._codes), cells(self._periods), cells(self._peaks)
         checks = self._checked, self._different, self.error, complete, notes
         return RattleMap(self.system, *self.names, self.within, self.gaps, *arrays, self._loci, *checks)
@@ -209,13 +220,14 @@ def _are_gaps(gaps: tuple[str, ...] | None, info: ValidationInfo[Surroundings]) 
     return chosen_gaps(info.context.system, gaps) if info.context.system else gaps
 
 
-def _listed(gaps: object) -> object:
+def listed(gaps: object) -> object:
+    """Return one name as a list."""
     return [gaps] if isinstance(gaps, str) else gaps
 
 
 GAPS = Annotated[
     list[str] | None,
-    BeforeValidator(_listed),
+    BeforeValidator(listed),
     Field(description='write the contacts that may rattle, as in gaps = ["mesh"]'),
     AfterValidator(_are_gaps),
 ]

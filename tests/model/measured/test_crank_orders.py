@@ -109,6 +109,9 @@ def test_the_fewest_orders_within_the_share_are_kept(seed: int, even: bool) -> N
     for error in (0.3, 0.1, 0.01):
         table = orders_of(angle, value(angle), error=error)
         assert table.left_out <= error
+        low, strong = table.low_left[0], max(table.lines, key=lambda each: each.energy).order
+        assert low not in table.orders
+        assert low < strong
         assert len(table.lines) == 1 + np.flatnonzero(1.0 - np.cumsum(energies) / total <= error)[0]
         assert 1.0 - sum(each.energy for each in table.lines) / total == pytest.approx(table.left_out, abs=1e-12)
 

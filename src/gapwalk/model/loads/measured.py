@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from operator import itemgetter
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -34,6 +35,7 @@ _SHARED = ("growth", "at", "over_speed")  # keys of its table that are its field
 _SPEED = ("speed", "rpm", "n", "frequency")  # names of the column of speeds
 _DISPLACED = ("displacement", "transmission error", "error", "deflection", "clearance", "x")
 _LISTED = 12  # orders that are listed one by one
+_LOW = 0.01  # share of the strongest order above which a lower one that is left out is reported
 _MEANS = ("deflection", "clearance")  # what varies by the curve itself, by the last part of its name
 
 
@@ -123,6 +125,8 @@ class Measured(OfCurve):
     at: float = 1.0
     over_speed: OverSpeed = ()
     left_out: float = 0.0  #: The share of the energy that is in orders which are left out.
+    #: The largest order left out below the strongest one, and its amplitude relative to that; else 0.
+    low_left: tuple[float, float] = (0.0, 0.0)
     mean_left_out: float = 0.0  #: The mean that a variation leaves out.
     is_angle: bool = False  #: True if the values are angles in rad, which a drive train converts to its own unit.
     source: str = ""  #: Name of the file.
@@ -190,7 +194,8 @@ class Measured(OfCurve):
             of_curves = float(np.mean([each.mean for each in tables]))
             means = {"mean_left_out": 0.0 if relative else of_curves}
         left_out = max(each.left_out for each in tables)
-        return cls(series, acts_on or {}, turns=tables[0].turns, left_out=left_out, **means, **fields)
+        low = max((each.low_left for each in tables), key=itemgetter(1))
+        return cls(series, acts_on or {}, turns=tables[0].turns, left_out=left_out, low_left=low, **means, **fields)
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
@@ -252,6 +257,12 @@ def orders_words(constants: Mapping[str, Any]) -> str:
         kept = f"{len(orders)} orders from {orders[0]} to {orders[-1]}"
     source = f" of {constants['source']}" if constants["source"] else ""
     text = f"{kept} per turn{source}, without {100.0 * constants['left_out']:.2g} % of the energy"
+    order, share = constants.get("low_left", (0.0, 0.0))
+    if share > _LOW:  # of the torque: the motions of low orders are larger
+        text += (
+            f"; order {order:g}, with {100.0 * share:.2g} % of the strongest, is left out, and low orders may excite "
+            "much: a smaller error keeps it"
+        )
     if speeds := constants.get("speeds"):
         _, unit, _, found = speeds
         text += f", over {len(found)} speeds from {found[0]:g} to {found[-1]:g} {unit}".rstrip()

@@ -66,6 +66,8 @@ class OrderTable:
     #: True if they are evenly spaced: then the orders are those of the trigonometric polynomial through them. Otherwise
     #: they are those of the straight lines between them.
     is_even: bool
+    #: The largest order that `error` leaves out below the strongest one, and its amplitude relative to that; else 0.
+    low_left: tuple[float, float] = (0.0, 0.0)
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
@@ -174,7 +176,18 @@ def orders_of(
     kept = _fewest(found, energy, error) if orders is None else _chosen(found, orders, turns)
     share = max(energy - sum(each.energy for each in kept), 0.0) / energy if energy else 0.0
     lines = tuple(OrderLine(each.order, scale * each.cosine, scale * each.sine) for each in kept)
-    return OrderTable(turns, scale * mean, lines, share, len(angles), is_even)
+    low = _low_left(found, kept) if orders is None else (0.0, 0.0)
+    return OrderTable(turns, scale * mean, lines, share, len(angles), is_even, low)
+
+
+def _low_left(found: Sequence[OrderLine], kept: Sequence[OrderLine]) -> tuple[float, float]:
+    """Return the largest order that is left out below the strongest one, and the ratio of their amplitudes."""
+    strongest = max(kept, key=lambda each: each.energy, default=None)
+    low = [each for each in found if strongest and each.order < strongest.order and each not in kept]
+    if strongest is None or not low:
+        return 0.0, 0.0
+    most = max(low, key=lambda each: each.energy)
+    return most.order, math.sqrt(most.energy / strongest.energy)
 
 
 def turns_in(per: str) -> int:
