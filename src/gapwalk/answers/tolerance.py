@@ -239,6 +239,22 @@ class Spreads:
             )
 
 
+def spread_doubts(system: System, spreads: object) -> Iterator[str]:
+    """Yield a sentence for each law of which a part of the values is none that the parameter can have."""
+    for law in spreads.about(system).laws if isinstance(spreads, Spreads) else ():
+        refused = list[str]()
+        for value in law.quantile(np.linspace(0.005, 0.995, 100)).tolist():
+            try:
+                system.at({law.parameter: value})
+            except ModelError as error:
+                refused.append(str(error).partition(":")[0])
+        if refused:
+            yield (
+                f"spread of {law.parameter}: about {len(refused)} % of all parts have a value that is not allowed "
+                f"({refused[0]}); they do not count: write a smaller sd, or low and high"
+            )
+
+
 def spread_in_percent(system: System, percent: float, parameters: Sequence[str]) -> tuple[Spread, ...]:
     """Return normal laws about the values of a system, with standard deviations in percent of them.
 

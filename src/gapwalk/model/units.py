@@ -423,6 +423,11 @@ class Units:
         """
         return np.array([self._factor(name) for name in names])
 
+    def number(self, quantity: Quantity, kind: QuantityKind) -> float:
+        """Convert a quantity to the unit of its kind."""
+        unit = self.of(kind)
+        return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
+
     def read(self, parameter: str, value: object) -> float:
         """Convert a text with a unit to a number in the unit of a parameter.
 
@@ -444,7 +449,7 @@ class Units:
             return number * (found.factor / unit.factor)
         unit = self.unit(parameter)
         found = read_quantity(value, kind, unit.text)
-        return found.number if found.factor == unit.factor else found.number * (found.factor / unit.factor)
+        return found.number * (found.factor / unit.factor) if parameter in self._asked else self.number(found, kind)
 
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.

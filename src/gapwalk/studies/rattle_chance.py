@@ -35,7 +35,6 @@ from gapwalk.studies.tolerance_study import (
     SPREADS,
     check_spreads,
     read_number,
-    spread_doubts,
     spreads_of_call,
     with_spreads,
 )
@@ -301,10 +300,6 @@ class RattleChanceStudy(StudyKind):
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
         return f"probability of rattle at {', '.join(f'{value:g}' for value in self.values)}: {self.samples:,} samples"
-
-    def doubts(self, system: System) -> list[str]:
-        """See `StudyKind.doubts`."""
-        return [*spread_doubts(system, self.spreads)]
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value."""

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from gapwalk.answers.tolerance import spread_doubts
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.doubts import doubts_of
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
@@ -169,7 +170,8 @@ class Study:
     @property
     def doubts(self) -> list[str]:
         """Doubts about the damping of the system and about the measure that is shown, in sentences."""
-        return [*doubts_of(self.system), *measure_doubts(self.system, self.options), *self.options.doubts(self.system)]
+        spread = spread_doubts(self.system, getattr(self.options, "spreads", None))
+        return [*doubts_of(self.system), *measure_doubts(self.system, self.options), *spread]
 
     @property
     def unused_words(self) -> list[str]:

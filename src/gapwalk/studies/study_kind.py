@@ -239,10 +239,6 @@ class StudyKind:
         """
         return ()
 
-    def doubts(self, system: System) -> list[str]:
-        """Return what is in order, but hardly meant, a sentence each."""
-        return []
-
     def first_system(self, system: System) -> System:
         """Return the system at the beginning of the study.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -203,22 +203,6 @@ def check_spreads(spreads: Spreads, system: System, parameter: str, what: str) -
         raise ModelError("spread has two names of one parameter; write one law for each parameter")
 
 
-def spread_doubts(system: System, spreads: Spreads) -> Iterator[str]:
-    """Yield a sentence for each law of which a part of the values is none that the parameter can have."""
-    for law in spreads.about(system).laws:
-        refused = list[str]()
-        for value in law.quantile(np.linspace(0.005, 0.995, 100)).tolist():
-            try:
-                system.at({law.parameter: value})
-            except ModelError as error:
-                refused.append(str(error).partition(":")[0])
-        if refused:
-            yield (
-                f"spread of {law.parameter}: about {len(refused)} % of all parts have a value that is not allowed "
-                f"({refused[0]}); they do not count: write a smaller sd, or low and high"
-            )
-
-
 @dataclass(frozen=True)
 class ToleranceStudy(RangeStudy):
     """Tolerances: where the special points of a response lie when parameters vary from part to part.
@@ -290,10 +274,6 @@ class ToleranceStudy(RangeStudy):
     def of_call(cls, values: dict[str, Any], system: System) -> Self:
         """Return the study of a call."""
         return cls(**{**values, "spreads": spreads_of_call(values["spreads"])})
-
-    def doubts(self, system: System) -> list[str]:
-        """See `StudyKind.doubts`."""
-        return [*spread_doubts(system, self.spreads)]
 
     def refuse_invalid(self, system: System) -> None:
         """Refuse laws of parameters that are none of the system, or that have none."""
