@@ -91,7 +91,8 @@ def test_it_tells_itself(found):
 
 
 def test_a_map_of_a_train_of_many_parts_is_made_of_cells_alone() -> None:
-    more = 'second = { parameter = "flywheel.inertia", from = "0.1 kg m^2", to = "0.2 kg m^2" }\nresolution = [2, 2]\ncheck = 0'
+    second = '{ parameter = "flywheel.inertia", from = "0.1 kg m^2", to = "0.2 kg m^2" }'
+    more = f"second = {second}\nresolution = [2, 2]\ncheck = 0"
     head = 'kind = "rattle"\nparameter = "speed"\nfrom = "800 rpm"\nto = "900 rpm"\n'
     text = f"{TRAIN[: TRAIN.index('[study]')]}[study]\n{head}{more}\nworkers = 1\n"
     (study,) = read_studies(io.StringIO(text))
