@@ -61,7 +61,6 @@ _NARROWEST = 1e-5  # radius at which a search is stuck
 _HOPELESS = 1.5  # ratio to the least change known at which a search that still misses goals is given up
 # largest step of a response without gaps; steps of `SettledCurve` between two values at which a new train is settled
 _SMOOTH, _WATCHED = 0.05, 8
-_OF: dict[type, str] = {Quiet: "the clearance", NoPoint: "the width of the band"}  # what margins are shares of
 _ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
 
 
@@ -668,6 +667,9 @@ class Design(Shown):
 
     def __repr__(self) -> str:
         return f"Design({self.sentence})"
+
+
+_OF: dict[type, str] = {Quiet: "the clearance", NoPoint: "the width of the band"}  # what margins are shares of
 
 
 def _together(words: Iterable[str]) -> list[str]:
