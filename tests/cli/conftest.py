@@ -13,6 +13,12 @@ from tests import models
 MODEL = models.STOP + models.response(1.9)
 
 
+@pytest.fixture(autouse=True)
+def wide(monkeypatch) -> None:
+    """Text that is not folded, unless a test asks for a width."""
+    monkeypatch.setenv("COLUMNS", "1000")
+
+
 @pytest.fixture
 def model(tmp_path, monkeypatch) -> Path:
     """The model file, in the folder in which the test then runs."""
