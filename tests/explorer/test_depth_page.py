@@ -30,7 +30,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     with serving(folder / "family.toml") as address, watched(address, height=800) as page:
         page.click("#compute")
-        until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
+        until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.answer.content?.space?.values.length === 3")
         until(page, "gapwalk.curves.all.size === 3 && !gapwalk.page.updating")
         page.select_option("#z", "of the family")
         until(page, "Boolean(gapwalk.depth.space.content)")

@@ -45,10 +45,15 @@ export class Depth {
     $("diagram").classList.toggle("deep", on);
     $("space").hidden = !on;
     if (!on) return;
-    const asked = (this.asked = {}), all = [...this.curves.all.values()].filter((curve) => value !== OWN || curve.result === this.answer.key);
+    const asked = (this.asked = {}), all = [...this.curves.all.values()].filter((curve) => value !== OWN || this.hasOwn(curve));
     const depths = await Promise.all(all.map((curve) => this.depthOf(curve, value)));
     if (this.asked !== asked || !this.isOn) return;
     this.space.show(this.content(all, depths));
+  }
+
+  /** Return true for a curve of the answer to which this gives a depth: of one that grows, its last curves may have none yet. */
+  hasOwn(curve) {
+    return curve.result === this.answer.key && this.answer.content?.space?.values[curve.branch] !== undefined;
   }
 
   /** The depth of each vertex of a curve. */
