@@ -102,7 +102,7 @@ def test_orbits_are_those_of_scipy_under_the_curve_itself(folder: Path) -> None:
     assert np.abs(end - orbit.state).max() < 2e-6
 
 
-def test_the_share_that_is_left_out_is_that_of_the_curve(folder: Path, capsys) -> None:
+def test_the_share_that_is_left_out_is_that_of_the_curve(folder: Path, capsys, monkeypatch) -> None:
     from gapwalk.cli import main
 
     system = read(folder, f"{ACTS}\norders = [0.5, 1]")
@@ -116,6 +116,7 @@ def test_the_share_that_is_left_out_is_that_of_the_curve(folder: Path, capsys) -
             part = quad(lambda a, k=order, f=wave: torque(a) * f(k * a), 0.0, 2.0 * TURN)[0] / TURN
             kept += 0.5 * part**2
     assert left_out == pytest.approx(1.0 - kept / energy, rel=1e-9)
+    monkeypatch.setenv("COLUMNS", "1000")
     said = f"measured1 (orders 0.5, 1 per turn of gas.csv, without {100.0 * left_out:.2g} % of the energy)"
     assert said in str(system.summary())
     assert main(["check", str(folder / "m.toml")]) == 0
