@@ -541,7 +541,7 @@ class JudgedGoal:
 
     @property
     def verdict(self) -> str:
-        """Whether the new design reaches the goal, in a word."""
+        """Reached, or missed: one word for the new design."""
         return "rattles" if self.rattles[1] else "reached" if self.is_reached else "missed"
 
     @property

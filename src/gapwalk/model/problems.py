@@ -217,7 +217,7 @@ WITHIN = (
 """The way to write a gap that does not contain the zero position."""
 
 HALF = "write half of the free travel (of the backlash), from the middle of the gap to either side"
-"""What the clearance of a link in a drive train is."""
+"""Words for the clearance of a link in a drive train."""
 
 
 def near_names(word: str, known: Sequence[str]) -> list[str]:

@@ -14,7 +14,7 @@ from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work
 
 CHUNKS = "chunks of cells"
-"""What the parts of such work are."""
+"""Name of the parts of such work."""
 _COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
 
