@@ -541,7 +541,7 @@ class JudgedGoal:
 
     @property
     def verdict(self) -> str:
-        """Reached, or missed: one word for the new design."""
+        """One word for the new design: rattles, reached or missed."""
         return "rattles" if self.rattles[1] else "reached" if self.is_reached else "missed"
 
     @property
