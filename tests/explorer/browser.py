@@ -22,6 +22,10 @@ from tests.waiting import PATIENCE
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
 
+# each request of the page begins up to some milliseconds later: what a test does not wait for then shows
+_DELAYED = """const at_once = window.fetch;
+window.fetch = (...asked) => new Promise((go) => setTimeout(go, Math.random() * %g)).then(() => at_once(...asked));"""
+
 READY = "Boolean(window.gapwalk?.page.about)"
 """A file is open on the page."""
 
@@ -104,6 +108,8 @@ def new_page(chrome: Browser | None, **options: Any) -> Page:
     assert chrome is not None  # a page has lost its browser
     context = chrome.new_context(**{"reduced_motion": "reduce", **options})
     context.set_default_timeout(1e3 * PATIENCE)
+    if delay := os.environ.get("GAPWALK_DELAYS"):
+        context.add_init_script(_DELAYED % float(delay))
     return context.new_page()
 
 
@@ -111,7 +117,10 @@ def until(page: Page, condition: str) -> None:
     """Wait until a condition holds on the page, which looks itself: to ask it all the time takes a sixth of a core.
 
     The page's security policy lets no text be evaluated there by itself, so the condition is made a function.
+    A result that is done is told before its last curves are fetched, so these are awaited with it.
     """
+    if "'done'" in condition:
+        condition = f"({condition}) && !gapwalk.page.updating"
     try:
         page.wait_for_function(f"() => ({condition})", polling=10, timeout=1e3 * PATIENCE)
     except PatienceEnded:

@@ -33,7 +33,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
         until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.answer.content?.space?.values.length === 3")
         until(page, "gapwalk.curves.all.size === 3 && !gapwalk.page.updating")
         page.select_option("#z", "of the family")
-        until(page, "Boolean(gapwalk.depth.space.content)")
+        until(page, "gapwalk.depth.space.content?.lines.length > 0 && !gapwalk.page.updating")
         yield page
 
 

@@ -147,7 +147,7 @@ def test_what_moves_a_point_is_switched_on_and_names_no_direction(page) -> None:
     page.focus("#diagram")
     page.keyboard.press("Home")
     page.keyboard.press("s")
-    until(page, "Boolean(gapwalk.motion.details)")
+    until(page, "Boolean(gapwalk.motion.details) && document.getElementById('next-text').textContent !== ''")
     places = "['machine', 'history'].map((id) => document.getElementById(id).getBoundingClientRect().top)"
     before = None
     while before != (now := page.evaluate(places)):  # until what stands above them has come

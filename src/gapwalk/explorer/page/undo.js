@@ -5,7 +5,7 @@ const MOST = 100; // steps that are kept
 export class Undo {
   /** `button` undoes the last step; `tell` shows an error. */
   constructor(button, tell) {
-    Object.assign(this, { button, tell, steps: [] });
+    Object.assign(this, { button, tell, steps: [], going: Promise.resolve() });
     button.addEventListener("click", () => this.back());
     document.addEventListener("keydown", (event) => {
       const isKey = (event.ctrlKey || event.metaKey) && !event.shiftKey && event.key.toLowerCase() === "z";
@@ -22,14 +22,11 @@ export class Undo {
     this.draw();
   }
 
-  async back() {
+  /** Undo the last step, after those before it: of requests at once one may overtake another. */
+  back() {
     const last = this.steps.pop();
     this.draw();
-    try {
-      await last?.step();
-    } catch (error) {
-      this.tell(error);
-    }
+    this.going = this.going.then(() => last?.step()).catch((error) => this.tell(error));
   }
 
   /** Forget all steps, for another file. */
