@@ -108,7 +108,7 @@ def test_drags_and_radii(tmp_path: Path) -> None:
     gears = [gw.train.Gear("m", ("a", "b"), 2.5, stiffness="100 N m/rad")]
     drags = [gw.train.Drag("d", ("b", "ground"), constant="1.5 N m", linear="0.01 N m s/rad")]
     assert system == gw.train.Train(inertias, gears=gears, drags=drags, reaction="a", speed="800 rpm").system()
-    with pytest.raises(ModelError, match="constant .* is empty; write the torque of the drag"):
+    with pytest.raises(ModelError, match=r"constant .* is empty; write its torque, as in 1.2"):
         text_of_sheet(written(tmp_path / "b.csv", text.replace("1.5,0.01", ",")))
 
 

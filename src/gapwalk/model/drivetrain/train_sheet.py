@@ -464,9 +464,7 @@ def _drag(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, "drag")
     yield _between(row)
     if not {"constant", "linear"} & row.cells.keys():
-        sheet.refuse(
-            row, "constant", "is empty; write the torque of the drag, as in 1.2, or linear: that over its speed"
-        )
+        sheet.refuse(row, "constant", "is empty; write its torque, as in 1.2, or under linear that over its speed")
     yield from sheet.lines(row, "constant", "linear")
 
 
