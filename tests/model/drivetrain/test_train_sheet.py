@@ -97,6 +97,21 @@ def test_gears_have_teeth_or_a_ratio_and_units_may_be_left_out(tmp_path: Path) -
     assert system == gw.train.Train(inertias, shafts, gears).system()
 
 
+def test_drags_and_radii(tmp_path: Path) -> None:
+    text = (
+        "part,name,from,to,inertia [kg m^2],radius [mm],torque [N m],stiffness [N m/rad],ratio,constant [N m],"
+        "linear [N m s/rad],speed [rpm]\ninertia,a,,,1,,reaction,,,,,800\ninertia,b,,,2,35,,,,,,\n"
+        "gear,m,a,b,,,,100,2.5,,,\ndrag,d,b,ground,,,,,,1.5,0.01,\n"
+    )
+    system = system_of(written(tmp_path / "a.csv", text))
+    inertias = [gw.train.Inertia("a", "1 kg m^2"), gw.train.Inertia("b", "2 kg m^2", "35 mm")]
+    gears = [gw.train.Gear("m", ("a", "b"), 2.5, stiffness="100 N m/rad")]
+    drags = [gw.train.Drag("d", ("b", "ground"), constant="1.5 N m", linear="0.01 N m s/rad")]
+    assert system == gw.train.Train(inertias, gears=gears, drags=drags, reaction="a", speed="800 rpm").system()
+    with pytest.raises(ModelError, match=r"constant .* is empty; write its torque, as in 1.2"):
+        text_of_sheet(written(tmp_path / "b.csv", text.replace("1.5,0.01", ",")))
+
+
 HEAD = "part,name,from,to,inertia [kg m^2],stiffness [N m/rad],clearance [deg],backlash [deg],ratio\n"
 BODIES = "inertia,a,,,1,,,,\ninertia,b,,,2,,,,\n"
 

@@ -131,11 +131,12 @@ class SheetColumn:
 
 
 COLUMNS = (
-    SheetColumn("part", "inertia, shaft, stage, gear or load", others=("kind", "type", "element")),
+    SheetColumn("part", "inertia, shaft, stage, gear, drag or load", others=("kind", "type", "element")),
     SheetColumn("name", "a word; the parameters of the part begin with it", others=("label",)),
-    SheetColumn("from", "the first of the two inertias that a shaft or gear joins", others=("first", "on")),
+    SheetColumn("from", "the first of the two inertias that a shaft, gear or drag joins", others=("first", "on")),
     SheetColumn("to", "the second one, or ground", others=("second",)),
     SheetColumn("inertia", "moment of inertia of a body", QuantityKind.INERTIA, ("moment of inertia", "j")),
+    SheetColumn("radius", "of a gear: its acceleration is then linear", QuantityKind.LENGTH, ("r",)),
     SheetColumn("torque", "mean torque on a body; or the word reaction, on the one that balances all others",
                 QuantityKind.TORQUE, ("mean", "mean torque")),
     SheetColumn("stiffness", "of a shaft, of a stage, or of the teeth of a gear", QuantityKind.STIFFNESS, ("k",)),
@@ -148,6 +149,8 @@ COLUMNS = (
     SheetColumn("ratio", "of a gear: speed of the first inertia divided by that of the second", others=("i",)),
     SheetColumn("teeth 1", "teeth of the first gear", others=("teeth", "z1", "z 1")),
     SheetColumn("teeth 2", "teeth of the second gear", others=("z2", "z 2")),
+    SheetColumn("constant", "of a drag: torque while it slips", QuantityKind.TORQUE),
+    SheetColumn("linear", "of a drag: torque over the speed of its slip", QuantityKind.DAMPING),
     SheetColumn("order", "of a load: oscillations per turn", others=("harmonic",)),
     SheetColumn("amplitude", "of a load", QuantityKind.TORQUE),
     SheetColumn("phase", "of a load, as an angle of its own oscillation", QuantityKind.PHASE),
@@ -158,11 +161,12 @@ COLUMNS = (
 
 _BY_NAME = {name: column for column in COLUMNS for name in (column.name, *column.others)}
 _ALLOWED = {
-    "inertia": ("inertia", "torque", "speed"),
+    "inertia": ("inertia", "radius", "torque", "speed"),
     "shaft": ("from", "to", "stiffness", "damping", "clearance", "backlash", "impact damping"),
     "stage": ("stiffness", "clearance", "backlash", "side"),
     "gear": ("from", "to", "stiffness", "damping", "clearance", "backlash", "impact damping", "ratio", "teeth 1",
              "teeth 2"),
+    "drag": ("from", "to", "constant", "linear"),
     "load": ("from", "order", "amplitude", "phase"),
 }  # fmt: skip
 _PARTS = {"clutch": "shaft", "spring": "shaft", "spline": "shaft", "mesh": "gear", "body": "inertia", "disk": "inertia",
@@ -260,7 +264,7 @@ class _Sheet:
         if row.part not in _ALLOWED:
             what = f"is {given(row.cells['part'])}" if word else "is empty"
             hint = f"; did you mean {near[0]}?" if (near := near_names(word, [*_ALLOWED])) else ""
-            self.refuse(row, "part", f"{what}; write inertia, shaft, stage, gear or load{hint}")
+            self.refuse(row, "part", f"{what}; write inertia, shaft, stage, gear, drag or load{hint}")
             return None
         for name in [name for name in row.cells if name not in (*_ALLOWED[row.part], "part", "name", "note")]:
             fits = " or ".join(kind for kind, names in _ALLOWED.items() if name in names)
@@ -321,7 +325,7 @@ class _Sheet:
                 continue
             self._check_name(row, names)
             links += [row] * (row.part in ("shaft", "gear"))
-            for column in {"shaft": ("from", "to"), "gear": ("from", "to"), "load": ("from",)}.get(row.part, ()):
+            for column in [name for name in ("from", "to") if name in _ALLOWED[row.part]]:
                 end = row.cells.get(column, "")
                 if end not in known and (end != GROUND or column == "from"):
                     what = f"is {given(end)}, which is the name of no inertia" if end else "is empty"
@@ -423,7 +427,7 @@ class _Sheet:
 def _opening(row: _Row, table: str) -> Iterator[str]:
     note = f": {row.cells['note']}" if "note" in row.cells else ""
     yield f"[[{table}]]  # row {row.number}{note}"
-    if table in ("inertia", "shaft", "gear", "harmonic"):
+    if not table.endswith("stage"):
         yield f"name = {_quoted(row.cells.get('name', ''))}"
 
 
@@ -431,12 +435,12 @@ def _inertia(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, "inertia")
     if "inertia" not in row.cells:
         sheet.refuse(row, "inertia", "is empty; write the moment of inertia, as in 0.14")
-    yield from sheet.lines(row, "inertia")
+    yield from sheet.lines(row, "inertia", "radius")
 
 
 def _link(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, row.part)
-    yield f"between = [{_quoted(row.cells.get('from', ''))}, {_quoted(row.cells.get('to', ''))}]"
+    yield _between(row)
     if row.part == "gear":
         both = [row.cells[name] for name in ("teeth 1", "teeth 2") if name in row.cells]
         for name in ("teeth 1", "teeth 2"):
@@ -456,6 +460,18 @@ def _link(sheet: _Sheet, row: _Row) -> Iterator[str]:
         yield from sheet.lines(stage, "clearance", "stiffness")
 
 
+def _drag(sheet: _Sheet, row: _Row) -> Iterator[str]:
+    yield from _opening(row, "drag")
+    yield _between(row)
+    if not {"constant", "linear"} & row.cells.keys():
+        sheet.refuse(row, "constant", "is empty; write its torque, as in 1.2, or under linear that over its speed")
+    yield from sheet.lines(row, "constant", "linear")
+
+
+def _between(row: _Row) -> str:
+    return f"between = [{_quoted(row.cells.get('from', ''))}, {_quoted(row.cells.get('to', ''))}]"
+
+
 def _load(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield from _opening(row, "harmonic")
     for name, example in (("order", "2"), ("amplitude", "50")):
@@ -465,7 +481,7 @@ def _load(sheet: _Sheet, row: _Row) -> Iterator[str]:
     yield f"acts_on = {{ {row.cells.get('from', '')} = 1.0 }}"
 
 
-_MAKERS = {"inertia": _inertia, "shaft": _link, "gear": _link, "load": _load}
+_MAKERS = {"inertia": _inertia, "shaft": _link, "gear": _link, "drag": _drag, "load": _load}
 
 
 def _quoted(text: str) -> str:
