@@ -197,7 +197,10 @@ class BranchTracer(Iterator[Step]):
     def __next__(self) -> Step:
         self.beginning.corrector.forget()
         first, step = self.walk.point, self._pass_impacts()
-        return self._step() if step is None else self._held_on(first, step)
+        step = self._step() if step is None else self._held_on(first, step)
+        if step[0] is first and not step[1]:  # it was cut off at its parent, before it had passed anything
+            raise StopIteration
+        return step
 
     def _pass_impacts(self) -> Step | None:
         """Return a step over many impacts at the start of the period; None if it does not lie among them."""

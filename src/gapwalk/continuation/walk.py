@@ -128,7 +128,9 @@ class EndReason(Reason):
     START = "the walk began here"
     RANGE = "the end of the range was reached"
     TABLE = "a load is not known beyond the end of its table"
-    TURNED_BACK = "the branch turned back and left the range on the side on which it had started"
+    TURNED_BACK = (
+        "the branch turned back and left the range on the side on which it had started; walk from the other end too"
+    )
     CLOSED = "the branch closed on itself"
     BRANCHED = "the branch begins here, at a special point of another branch"
     JOINED = "the branch joined the branch from which it had branched off"

@@ -422,9 +422,9 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """Return the state as an array of finite numbers, with extensions of zero if it has none."""
+    """Return the state, or that of an orbit, as an array of finite numbers, with extensions of zero if it has none."""
     try:
-        array = np.asarray(state, dtype=float)
+        array = np.asarray(getattr(state, "state", state), dtype=float)
     except (TypeError, ValueError):
         array = np.array([np.nan])
     size, count = system.state_size, 2 * system.size

@@ -212,7 +212,8 @@ def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str
 WITHIN = (
     "a contact is open where its deflection is 0. For example, for a gap from -0.05 to 0.15 write clearance = 0.1, "
     "half of its width, and centre = 0.05; for one from 0.15 to 0.35 write clearance = 0.1, count the coordinate from "
-    "its middle 0.25, and subtract the stiffness matrix times this position from the mean load"
+    "its middle 0.25, and subtract the stiffness matrix times this position from the mean load; for a single stop that "
+    "is pressed at rest write clearance = 0, and count the coordinate likewise from where it just touches"
 )
 """The way to write a gap that does not contain the zero position."""
 

@@ -51,7 +51,7 @@ _SAME = 0.1  # of the ranges of coordinates: equal steps keep a lightly damped m
 def find_orbit(
     system: System,
     period: int = 1,
-    start: str | Sequence[float] | NDArray[np.float64] = "settle",
+    start: str | Sequence[float] | NDArray[np.float64] | Orbit = "settle",
     *,
     method: Method | None = None,
     newton: Newton | None = None,
@@ -70,9 +70,9 @@ def find_orbit(
         ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
         rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
         mean, rest, orbits at other frequencies that are followed to this frequency, and harmonic balance. ``"linear"``:
-        the linear response with all gaps open, stable or not. Or a state at theta = 0: positions, then velocities, then
-        extensions of Jenkins elements, which are 0 if they are left out. If small changes of the motion grow so much
-        that Newton's method fails, the period is divided into more segments.
+        the linear response with all gaps open, stable or not. Or an orbit, or a state at theta = 0: positions, then
+        velocities, then extensions of Jenkins elements, which are 0 if they are left out. If small changes of the
+        motion grow so much that Newton's method fails, the period is divided into more segments.
     method
         Discretisation of the orbit: `Shooting` (the default) or `Balance`.
     newton
@@ -180,7 +180,7 @@ def _off_the_edge(equation: OrbitEquation, orbit: Orbit, newton: Newton | None) 
     return orbit
 
 
-def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):
+def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64] | Orbit, period: int = 1):
     """Return the state at theta = 0 of a start, shape (state_size,)."""
     if not isinstance(start, str):
         return check_state(system, start)

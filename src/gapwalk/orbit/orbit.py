@@ -264,6 +264,9 @@ _SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are dis
 class Orbit(LateFields, Shown):
     """Motion that repeats after `period` forcing periods.
 
+    At points of branches all but `state` may be those of a state 1e-7 away; ``find_orbit(orbit.system, orbit.period,
+    orbit)`` gives them to rounding.
+
     Attributes
     ----------
     found_by

@@ -225,7 +225,10 @@ def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
     if len(largest) < _CROWD:
         return None
     corner, opposite = pixels[largest].min(axis=0), pixels[largest].max(axis=0)
-    pad = np.maximum(0.14 * (opposite - corner), 8.0)
+    size = opposite - corner
+    pad = np.maximum(0.14 * size, min(8.0, size.max()))  # not so wide that they lie on one another there too
+    if not pad.all():
+        return None
     (left, low), (right, high) = ax.transData.inverted().transform([corner - pad, opposite + pad])
     return Region(float(left), float(right), float(low), float(high))
 

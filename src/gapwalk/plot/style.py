@@ -18,6 +18,7 @@ from typing import Any, Literal
 import matplotlib as mpl
 from matplotlib.cbook import normalize_kwargs
 from matplotlib.lines import Line2D
+from matplotlib.markers import MarkerStyle
 
 from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.loci import Codim2
@@ -336,11 +337,10 @@ _NAMES = {"blue": "above", "vermillion": "below", "green": "pair", "purple": "cr
 def symbol_style(kind: Kind) -> SymbolStyle:
     """Return the style of special points of a kind, including user-defined events."""
     symbol = kind.symbol
-    edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
+    color = color_of(_NAMES[symbol.color])
+    edge = (BLACK, 0.6) if MarkerStyle(symbol.marker).is_filled() else (color, 0.9)  # of a cross there is no face
     text = symbol.label or str(kind)
-    return SymbolStyle(
-        text, symbol.letters, symbol.marker, color_of(_NAMES[symbol.color]), symbol.size, *edge, str(kind)
-    )
+    return SymbolStyle(text, symbol.letters, symbol.marker, color, symbol.size, *edge, str(kind))
 
 
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:

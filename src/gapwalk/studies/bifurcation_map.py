@@ -85,7 +85,8 @@ class Map(Shown):
         )
         loci = f"{len(self.loci)} {'locus' if len(self.loci) == 1 else 'loci'}"
         yield f"{ranges}: {loci}{self._counts and f', {self._counts}'}"
-        special = sum(len(branch.special_points) for branch in self.branches)
+        kinds = {locus.kind for locus in self.loci} or set(Kind.known())
+        special = sum(each.kind in kinds for branch in self.branches for each in branch.special_points)
         values = ", ".join(f"{section.value:.6g}" for section in self.sections)
         where = "sections" if len(self.sections) > 1 else "the section"
         yield (

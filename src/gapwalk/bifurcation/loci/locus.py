@@ -231,7 +231,8 @@ class Locus(Measured, Described):
     @property
     def range_words(self) -> str:
         """Period, ranges and numbers of points, in words."""
-        low, high = self.values.min(axis=0), self.values.max(axis=0)
+        values = np.array([*self.values, *(each.values for each in self.codim2_points)])
+        low, high = values.min(axis=0), values.max(axis=0)
         ranges = ", ".join(f"{name} {a:.8g} to {b:.8g}" for name, a, b in zip(self.symbols, low, high, strict=True))
         counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
         contact = f" of {self.contact}" if self.contact else ""
