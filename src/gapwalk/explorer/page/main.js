@@ -127,7 +127,8 @@ async function open(file, where = new URLSearchParams()) {
   $("study-row").hidden = about.studies.length < 2;
   page.names = new Set(names.map(([name]) => name));
   [$("x").value, $("y").value, $("walk-parameter").value] = [about.x, about.y, about.x];
-  $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
+  const others = names.map(([name]) => name).filter((name) => name !== about.x); // a load or a gap before an entry of a matrix
+  $("locus-parameter").value = others.find((name) => /\.(amplitude|clearance)$/.test(name)) ?? others[0] ?? "";
   showPlan();
   motion.rest(about.machine);
   parameters.show(about.parameters, about.values);
