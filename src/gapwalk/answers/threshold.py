@@ -588,7 +588,7 @@ class Round:
 class ThresholdSearch:
     """Search for a threshold, round by round."""
 
-    usual: ClassVar[tuple[int, int]] = 2, 8
+    usual: ClassVar[tuple[int, int]] = 2, 4
     """How many rounds most searches need, and pieces of work in a round."""
 
     def __init__(self, request: Request) -> None:
@@ -656,20 +656,22 @@ class ThresholdSearch:
         asked, loci = self.request, tuple(each.locus for each in self._extrema)
         where = asked.parameter, *asked.to, asked.over, *asked.span
         limit = None, math.nan, float("inf"), False
-        about = loci, None, (), (), (), points_of(motions), tuple(self._seen(gap, motions) for gap in asked.gaps)
+        rattling = {gap for each in motions for gap in each.gaps}
+        seen = [self._seen(gap, motions) for gap in asked.gaps if gap in rattling]
+        if quiet := [gap for gap in asked.gaps if gap not in rattling]:
+            seen.append(f"{listed_words(quiet)} rattle{'s' * (len(quiet) < 2)} in none of {len(motions)} motions")
+        about = loci, None, (), (), (), points_of(motions), tuple(seen)
         return Threshold(asked.system, asked.gaps, *where, *limit, *about)
 
     def _seen(self, gap: str, motions: Sequence[Hit]) -> str:
         """Write between which values a gap ceases to rattle, by the motions that were tried."""
         way = self.request.way
-        last = max((each for each in motions if gap in each.gaps), key=lambda each: way * each.value, default=None)
-        if last is None:
-            return f"{gap} rattles in none of {len(motions)} motions tried"
+        last = max((each for each in motions if gap in each.gaps), key=lambda each: way * each.value)
         beyond = [each for each in motions if way * (each.value - last.value) > 0.0]
         if not beyond:
             return f"{gap} rattles at {self._place(last)}; nothing was tried beyond"
         first = self._words(min(beyond, key=lambda each: way * each.value).value)
-        return f"{gap} rattles at {self._place(last)}, and in none of {len(beyond)} motions beyond, from {first} on"
+        return f"{gap} rattles at {self._place(last)}, and in none of {len(beyond)} motions from {first} on"
 
     def found(self) -> Threshold:
         """Return the threshold after the rounds that are done."""
