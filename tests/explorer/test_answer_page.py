@@ -506,7 +506,7 @@ def test_bands_are_drawn_before_their_study_ends_and_stay_when_it_is_stopped(tmp
 
 
 def test_what_is_tried_for_a_threshold_is_drawn_before_its_end(tmp_path) -> None:
-    endless = THRESHOLD.replace("starts = 3", "starts = 5000")  # the second round does not end
+    endless = THRESHOLD.replace("starts = 3", "starts = 5000\nworkers = 1")  # the second round does not end
     (tmp_path / "model.toml").write_text(endless, encoding="utf-8")
     with serving(tmp_path / "model.toml") as address, watched(address, height=800) as page:
         page.click("#compute")
