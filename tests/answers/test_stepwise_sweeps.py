@@ -61,11 +61,20 @@ def test_ends_of_bands_are_those_of_exact_curves(gap: str) -> None:
         assert ends_of(by_steps(), gap, met) == pytest.approx([RANGE[0], ENDS[gap]], abs=1e-4)
 
 
+def at_once(function, pieces):
+    """Do pieces of a search, and store none."""
+    return [function(piece) for piece in pieces]
+    yield
+
+
 def test_sweeps_at_a_threshold_meet_the_motions_that_rattle_up_to_the_exact_end() -> None:
     clearance = SMALL["idle.clearance"]
     to = (clearance, 2.0 * clearance)
     asked = Request(SMALL, ("idle",), "idle.clearance", to, "speed", RANGE, ThresholdOptions())
-    hits = list(rattling_along(asked, clearance))
+    work = rattling_along(asked, clearance, at_once)
+    with pytest.raises(StopIteration) as end:
+        next(work)
+    hits = end.value.value
     assert {hit.gaps for hit in hits} == {("idle",)}
     step = (RANGE[1] - RANGE[0]) / 320
     assert ENDS["idle"] - step <= max(hit.other for hit in hits) <= ENDS["idle"]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.answers.threshold import Confirmation, Threshold, ThresholdOptions
+from tests.interruption import until_ctrl_c
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -104,6 +106,25 @@ def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
     header, *rows = again.tables()["loci"]()
     assert header == ["locus", "kind", "frequency", "mean.x"]
     assert len(rows) == sum(len(locus.points) for locus in found.loci)
+
+
+def test_a_stopped_search_shows_what_rattles_so_far(gear: gw.System, tmp_path) -> None:
+    def stop(*news) -> None:
+        if news[-1].done == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    asked, path = (gear, "mean.x", (0.1, 1.2), {"frequency": (0.7, 1.6)}), tmp_path / "t.gapwalk"
+    found = until_ctrl_c(gw.ask.threshold, *asked, **FEW, output=path, report=stop, workers=1)
+    assert not found.complete
+    frequencies, means, rattles = found.points.T
+    limits = np.array([STIFFNESS * amplitude(each) for each in frequencies])
+    assert rattles.tolist() == (means < limits).tolist()
+    last, first = means[rattles > 0.0].max(), means[means > means[rattles > 0.0].max()].min()
+    assert found.sentence.startswith(f"teeth rattles at mean.x = {last:.6g}, ")
+    assert found.sentence.endswith(f"from mean.x = {first:.6g} on")
+    again = gw.open_result(path)
+    assert again.sentence == found.sentence
+    assert "tried: rattles" in [text.get_text() for text in again.plot().figure.legends[0].get_texts()]
 
 
 def test_bad_requests_teach(gear: gw.System) -> None:

@@ -21,7 +21,7 @@ from tests.explorer.browser import chromium, new_page, opened, until, watched
 from tests.explorer.conftest import ORIGIN, STOP, about
 from tests.explorer.serving import serving
 from tests.explorer.test_web_app import unpacked
-from tests.studies.jobs import RATTLE, RUN_UP, result_file
+from tests.studies.jobs import RATTLE, RUN_UP, THRESHOLD, result_file
 from tests.studies.test_complete_response import TRAIN
 
 KINDS = ("rattle", "threshold", "design", "tolerance", "run-up")
@@ -503,3 +503,19 @@ def test_bands_are_drawn_before_their_study_ends_and_stay_when_it_is_stopped(tmp
     assert (low, high) == pytest.approx(
         (min(band.low.value for band in found.bands), max(band.high.value for band in found.bands))
     )
+
+
+def test_what_is_tried_for_a_threshold_is_drawn_before_its_end(tmp_path) -> None:
+    endless = THRESHOLD.replace("values = 8", "values = 4000\nworkers = 1")
+    (tmp_path / "model.toml").write_text(endless, encoding="utf-8")
+    with serving(tmp_path / "model.toml") as address, watched(address, height=800) as page:
+        page.click("#compute")
+        until(page, "gapwalk.page.results[0]?.answer && gapwalk.diagram.over?.layers.length === 2")
+        assert page.evaluate("gapwalk.page.results[0].state") == "running"
+        assert page.inner_text("#answer-text").startswith("So far: teeth rattles at mean.x = ")
+        page.click("#status-stop")
+        until(page, "document.getElementById('answer-text').innerText.endsWith(' (incomplete)')")
+        drawn = page.evaluate("gapwalk.answer.content.layers.map(({ x }) => x.length)")
+    (path,) = tmp_path.rglob("*.gapwalk")
+    rattles = gw.open_result(path).finding.record.points[:, 2]
+    assert drawn == [np.sum(rattles == 0.0), np.sum(rattles > 0.0)]

@@ -22,6 +22,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
 from gapwalk.parallel.workers import Workers, local_workers
+from gapwalk.studies import basin_study
 from gapwalk.studies.basin_study import BasinOptions, BasinWork, basin_shares
 from gapwalk.studies.result import load_result
 from tests.independent import integrate
@@ -88,10 +89,11 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     until_ctrl_c(basins, double_well(), WELLS, size, **in_process(check=9), report=stop, output=path)
-    with pytest.raises(
-        StoreError, match=r"is not complete: 1 of 2 chunks of cells are stored; continue it by gapwalk\.basins"
-    ):
-        gw.open_result(path)
+    part = gw.open_result(path)
+    assert not part.complete
+    assert part.unresolved == 5000 - 4096
+    sides = [np.array([one.state[0] for one in each.attractors])[each.labels.ravel()[:4096]] for each in (part, whole)]
+    assert np.array_equal(*sides)
     paces = []
     found = basins(
         double_well(), WELLS, size, **in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
@@ -110,6 +112,26 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         StoreError, match=r"holds Basins\(.*, and no result of a study; in Python, gapwalk\.open_result"
     ):
         load_result(path)
+
+
+def test_a_check_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
+    exactly, calls, asked = basin_study._sort_exactly, [], (double_well(), WELLS, 30)
+
+    def sort(*about):
+        calls.append(about)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return exactly(*about)
+
+    monkeypatch.setattr(basin_study, "_sort_exactly", sort)
+    until_ctrl_c(basins, *asked, **in_process(check=99), output=tmp_path / "b.gapwalk")
+    stopped = gw.open_result(tmp_path / "b.gapwalk")
+    assert stopped.notes == ("stopped when 900 of 900 states were done; they were not all checked",)
+    assert (stopped.complete, stopped.unresolved) == (False, 0)
+    goes_on = basins(*asked, **in_process(check=99), output=tmp_path / "b.gapwalk"), len(calls) - 4
+    whole = basins(*asked, **in_process(check=99)), len(calls) - 4 - goes_on[1]
+    assert same(goes_on[0], whole[0])
+    assert goes_on[1] == whole[1] - 3
 
 
 def test_a_linear_system_has_one_basin():
@@ -198,6 +220,7 @@ class Told(BasinWork):
 
     def _exact(self, workers, which, shift=0.0):
         self.looks += len(which)
+        yield from ()
         return (self.other if shift else self.truth)[which]
 
 
@@ -210,7 +233,7 @@ def test_where_wrong_labels_are_found_more_are_looked_for(seed):
     fast = truth.copy()
     truth[:patch, :patch], fast[:patch, :patch] = random.integers(0, 2, (2, patch, patch))
     job = Told(fast.ravel(), truth.ravel(), beside_cells(size, size), BasinOptions(check=64))
-    job.check_labels(Workers())
+    list(job.check_labels(Workers()))
     assert job.labels.tolist() == truth.ravel().tolist()
     assert job.looks < 0.2 * size**2
     assert job.checked.border_wrong + job.checked.inner_wrong >= np.sum(fast != truth)
@@ -223,11 +246,11 @@ def test_samples_are_drawn_until_one_holds_nothing_wrong():
     fast[wrong] = 1
     lone = np.repeat(np.arange(6400)[:, None], 4, axis=1)  # no cell has a neighbour
     job = Told(fast, truth, lone, BasinOptions(check=200))
-    job.check_labels(Workers())
+    list(job.check_labels(Workers()))
     assert not job.labels.any()
     assert job.checked.inner_checked == job.looks - 200 == 6400
     once = Told(fast, truth, lone, BasinOptions(check=200, exact_borders=False))
-    once.check_labels(Workers())
+    list(once.check_labels(Workers()))
     assert once.checked.inner_checked == 200
     share = once.checked.share
     assert share == pytest.approx(once.labels.mean(), abs=0.06)
@@ -237,7 +260,7 @@ def test_samples_are_drawn_until_one_holds_nothing_wrong():
 def test_labels_that_rounding_decides_are_counted():
     fast = np.zeros(100, dtype=int)
     job = Told(fast, fast, beside_cells(10, 10), BasinOptions(check=100), by_rounding=(3, 4, 50))
-    job.check_labels(Workers())
+    list(job.check_labels(Workers()))
     assert (job.checked.shifted, job.checked.shifted_wrong) == (100, 3)
     assert job.checked.share == job.checked.limit == pytest.approx(0.03)
     assert job.checked.text.endswith(

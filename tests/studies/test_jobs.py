@@ -73,7 +73,7 @@ def test_nothing_is_kept_of_a_job_that_was_stopped_at_once(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gapwalk.studies.settle_study.settle", stop)
-    monkeypatch.setattr("gapwalk.studies.basin_study._sort_fast", stop)
+    monkeypatch.setattr("gapwalk.studies.basin_study.explore", stop)
     for kind in ("settle", "basins"):
         with pytest.raises(KeyboardInterrupt):
             gw.run(study_of(kind), path)

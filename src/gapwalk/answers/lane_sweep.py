@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -40,7 +39,6 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.pieces import done
 
 _NARROW = 5e-5  # width to which the ends of bands are narrowed down, as a share of the range
 _ROUGH = 0.13  # the same beside chaos, as a share of a step: its life there is the longer, the nearer it is to its end
@@ -189,15 +187,6 @@ def joined(
     if not whole:
         return sweep
     return _narrowed(system, sweep, gaps, other)
-
-
-def swept(system: System, parameter: str, within: tuple[float, float], steps: int) -> list[SettledSweep]:
-    """Sweep a system up and down, in pieces for any process; no ends of bands are narrowed down."""
-    known, sweep = dict[int, LanePiece](), partial(sweep_piece, system, parameter, within, steps)
-    for pieces in stages(steps, known):
-        known.update(zip(pieces, done(sweep, list(pieces.values())), strict=True))
-    about = system, parameter, within, steps
-    return [joined(*about, way, list(known.values()), (), whole=False) for way in Direction]
 
 
 def _names(system: System) -> list[str]:

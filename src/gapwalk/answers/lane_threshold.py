@@ -10,20 +10,30 @@ Method: docs/howto/studies.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from gapwalk.answers.gap_states import labels_along, lane_states
-from gapwalk.answers.lane_sweep import random_states, swept
-from gapwalk.answers.threshold import Confirmation, Hit, Request, Round, Threshold, ThresholdSearch
+from gapwalk.answers.gap_states import Direction, labels_along, lane_states
+from gapwalk.answers.lane_sweep import LanePiece, Piece, joined, random_states, stages, sweep_piece
+from gapwalk.answers.threshold import (
+    Confirmation,
+    Each,
+    Hit,
+    Request,
+    Round,
+    Threshold,
+    ThresholdSearch,
+    Tried,
+    points_of,
+)
 from gapwalk.attractors.lane_settling import LANE_ERROR, LaneMotion, Start, settle_lanes
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
-from gapwalk.pieces import done, tell
 
 _NARROW = 2e-4  # width of the limit, relative to the range
 _FIRST, _GROWS = 16.0, 4.0  # steps in which a value is raised first, as multiples of that; factor from one to the next
@@ -32,18 +42,35 @@ _FINEST = 1.5e-5  # distance of places, as a share of their range, between which
 _BAND = 4.0 / _STEPS  # share of their range about the last motion that rattles, in which most random starts are
 
 
-def rattling_along(asked: Request, value: float) -> Iterator[Hit]:
-    """Sweep slowly up and down, and yield the motions that rattle."""
-    for sweep in swept(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS):
+def swept(asked: Request, value: float, piece: Piece) -> Tried:
+    """Sweep on slowly, as `gapwalk.answers.lane_sweep.sweep_piece` does."""
+    found = sweep_piece(asked.at(value, asked.span[0]), asked.over, asked.span, _STEPS, piece)
+    names, motions = [form.name for form in asked.system.structure.equations.contacts], list[Hit]()
+    new = (motion for part in found.parts for motion in part.motions[piece.before is not None :])
+    for motion in (motion for motion in new if not motion.diverged):
+        labels = zip(asked.gaps, lane_states(motion, names, asked.gaps), strict=True)
+        motions.append(Hit(value, motion.value, motion.state, tuple(gap for gap, label in labels if label.rattles)))
+    return Tried(tuple(motions), swept=found)
+
+
+def rattling_along(asked: Request, value: float, each: Each) -> Generator[Any, None, list[Hit]]:
+    """Sweep slowly up and down, and return the motions that rattle."""
+    pieces, hits, system = dict[int, LanePiece](), list[Hit](), asked.at(value, asked.span[0])
+    for some in stages(_STEPS, pieces):
+        tried = yield from each(partial(swept, asked, value), list(some.values()))
+        pieces |= {number: part.swept for number, part in zip(some, tried, strict=True) if part.swept is not None}
+    about = system, asked.over, asked.span, _STEPS
+    for sweep in (joined(*about, way, list(pieces.values()), (), whole=False) for way in Direction):
         known = [labels_along(sweep.lanes, sweep.contacts, gap) for gap in asked.gaps]
         for motion, labels in zip(sweep.lanes, zip(*known, strict=True), strict=True):
             gaps = tuple(gap for gap, each in zip(asked.gaps, labels, strict=True) if each.state.rattles)
             if gaps:
-                yield Hit(value, motion.value, motion.state, gaps)
+                hits.append(Hit(value, motion.value, motion.state, gaps))
+    return hits
 
 
-def raised(asked: Request, step: float, is_wide: bool, piece: Sequence[Hit]) -> list[Hit]:
-    """Raise the value at some places in steps until nothing rattles; return the motions, quiet ones without gaps.
+def raised(asked: Request, step: float, is_wide: bool, piece: Sequence[Hit]) -> Tried:
+    """Raise the value at some places in steps until nothing rattles.
 
     Each place begins with a motion that rattles there or beside it, and ends with that from rest while steps are wide.
     What one place reaches, the others need not try.
@@ -75,11 +102,13 @@ def raised(asked: Request, step: float, is_wide: bool, piece: Sequence[Hit]) -> 
     firsts = [start for k in range(len(seeds)) if (start := ahead(k)) is not None]
     for _ in settle_lanes(firsts, judge, slowest=[start.system for start in firsts], gaps=asked.gaps):
         pass
-    return tried
+    return Tried(tuple(tried))
 
 
 class LaneThresholdSearch(ThresholdSearch):
     """Search for a threshold by equal steps: first everywhere, then where it rattles and everywhere in turn."""
+
+    usual = 3, 28
 
     @property
     def is_over(self) -> bool:
@@ -87,13 +116,11 @@ class LaneThresholdSearch(ThresholdSearch):
         last = self.rounds[-1] if self.rounds else None
         return last is not None and (math.isnan(last.quiet) or (last.confirms and last.hit is None))
 
-    def advance(self) -> Round:
+    def advance(self, each: Each) -> Generator[Any]:
         """Raise the value from what rattles farthest until nothing does, or try it in the whole range."""
-        self.rounds.append(self._raise() if len(self.rounds) % 2 else self._try())
-        tell(0.0)
-        return self.rounds[-1]
+        self.rounds.append((yield from self._raise(each) if len(self.rounds) % 2 else self._try(each)))
 
-    def _raise(self) -> Round:
+    def _raise(self, each: Each) -> Generator[Any, None, Round]:
         asked, tried, known = self.request, list[Hit](), {each.other: each for each in self.rounds[-1].band}
         stride = -(-len(known) // WIDTH)  # of many places only some begin
         band = tuple(known[other] for other in sorted(known)[::stride])
@@ -101,16 +128,17 @@ class LaneThresholdSearch(ThresholdSearch):
         while near > _FINEST:
             seeds, finer = self._between(band, near)
             pieces = [seeds[first : first + WIDTH] for first in range(0, len(seeds), WIDTH)]
-            new = [each for part in done(partial(raised, asked, wide * narrow, wide > 1.0), pieces) for each in part]
-            before, band = band[0].value, self._farthest([*band, *(each for each in new if each.gaps)])
+            parts = yield from each(partial(raised, asked, wide * narrow, wide > 1.0), pieces)
+            new = [motion for part in parts for motion in part.motions]
+            before, band = band[0].value, self._farthest([*band, *(motion for motion in new if motion.gaps)])
             near = finer if wide > 1.0 or band[0].value == before else near
             wide = max(wide / _GROWS, 1.0)
             tried += new
         quiet = asked.way * min(asked.way * (band[0].value + narrow), asked.way * asked.to[1])
-        counts = Confirmation(quiet, len(tried), 1, sum(bool(each.gaps) for each in tried), 0, 0, 0, 0, LANE_ERROR)
-        return Round(counts, band[0], (), (), quiet, False, band, _points(tried))
+        counts = Confirmation(quiet, len(tried), 1, sum(bool(motion.gaps) for motion in tried), 0, 0, 0, 0, LANE_ERROR)
+        return Round(counts, band[0], (), (), quiet, False, band, points_of(tried))
 
-    def _try(self) -> Round:
+    def _try(self, each: Each) -> Generator[Any, None, Round]:
         asked, hit, rest = self.request, self._hit, state_at_rest(self.request.system)
         low, high = asked.span
         places, values = np.linspace(low, high, asked.options.values), asked.coarse.tolist()
@@ -123,17 +151,11 @@ class LaneThresholdSearch(ThresholdSearch):
             own = [rest, *more]
             pairs += [(other, value)] * len(own)
             states += own
-        found = self._judged(np.array(pairs), np.array(states))
-        lost = np.asarray((found.codes < 0).any(axis=1)).tolist()
-        tried = [
-            Hit(value, other, found.states[k], asked.rattling_by(found.codes[k]))
-            for k, (other, value) in enumerate(pairs)
-            if not lost[k]
-        ]
-        hits = [each for each in tried if each.gaps]
+        found, tried = yield from self._judged(each, np.array(pairs), np.array(states))
+        hits = [motion for motion in tried if motion.gaps]
         last = self._farthest(hits)
         if not last or (hit is None and last[0].value != asked.to[1]):
-            hits += rattling_along(asked, last[0].value if last else values[0])
+            hits += yield from rattling_along(asked, last[0].value if last else values[0], each)
         band, notes = self._farthest(hits), ()
         beyond = [value for value in values if not band or asked.way * (value - band[0].value) > 0.0]
         quiet = beyond[0] if beyond else asked.to[1]
@@ -141,8 +163,9 @@ class LaneThresholdSearch(ThresholdSearch):
             notes, quiet = ("nothing rattles in the whole range",), math.nan
         elif band and band[0].value == asked.to[1]:
             notes, quiet = (self._widen(band[0]),), math.nan
-        counts = len(states), len(states) // (len(places) * len(values)), len(hits), 0, sum(lost), found.waited, 0
-        counted, points = Confirmation(values[-1], *counts, found.error), _points([*tried, *hits])
+        starts, lost = len(states) // (len(places) * len(values)), len(states) - len(tried)
+        counts = len(states), starts, len(hits), 0, lost, found.waited, 0
+        counted, points = Confirmation(values[-1], *counts, found.error), points_of([*tried, *hits])
         return Round(counted, band[0] if band else None, (), notes, quiet, hit is not None, band, points)
 
     def _farthest(self, hits: Sequence[Hit]) -> tuple[Hit, ...]:
@@ -175,9 +198,3 @@ class LaneThresholdSearch(ThresholdSearch):
         )
         between, error = (hit.value, last.quiet), abs(last.quiet - hit.value)
         return replace(found, between=between, at=hit.other, uncertainty=error, notes=(*found.notes, note))
-
-
-def _points(motions: Sequence[Hit]) -> np.ndarray:
-    """Return where motions were tried, and whether one rattles there, as of `Threshold`."""
-    seen = {(each.other, each.value): bool(each.gaps) for each in sorted(motions, key=lambda each: bool(each.gaps))}
-    return np.array([(*pair, rattles) for pair, rattles in seen.items()], dtype=float).reshape(-1, 3)

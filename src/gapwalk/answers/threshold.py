@@ -8,11 +8,11 @@ Method: docs/howto/studies.md
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
@@ -26,6 +26,7 @@ from gapwalk.answers.gap_states import (
     judge_gaps,
     watched,
 )
+from gapwalk.answers.lane_sweep import LanePiece
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.follow import BranchTracer
@@ -50,7 +51,7 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.picture_parts import End, Line, Parts, Picture, Series, Shade, curves_of_loci, pictured
-from gapwalk.pieces import done, tell, workers_around
+from gapwalk.pieces import done, workers_around
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
 # Extremum of a locus: the largest or smallest value of one parameter on a curve of special points.
@@ -252,6 +253,8 @@ class Threshold(Shown):
     #: shape (points, 3): By equal steps: values of `over` and of `parameter` at which motions were tried, and 1 where
     #: one rattles, else 0.
     points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    #: Before the end of the search: where each gap rattles, in sentences.
+    so_far: tuple[str, ...] = field(default=(), metadata={"stored": False})
 
     @property
     def value(self) -> float:
@@ -278,17 +281,18 @@ class Threshold(Shown):
 
     @property
     def complete(self) -> bool:
-        """True: a threshold has one part."""
-        return True
+        """True if the search is over."""
+        return not self.so_far
 
     @property
     def is_of_points(self) -> bool:
         """True if the motions that were tried are all there is to draw: no border was followed to a limit."""
-        return bool(self.between) or (self.limit is None and not self.loci and len(self.points) > 0)
+        whole = self.complete and bool(self.loci)
+        return bool(self.between) or (self.limit is None and not whole and len(self.points) > 0)
 
     def tables(self) -> Tables:
         """Return the tables of the loci, both parameters at each of their points, and of the motions tried by steps."""
-        return {"loci": self._rows} if self.loci or not len(self.points) else {"tried": self._tried_rows}
+        return {"tried": self._tried_rows} if self.is_of_points and len(self.points) else {"loci": self._rows}
 
     def _tried_rows(self) -> Rows:
         yield [self.over, self.parameter, "rattles"]
@@ -303,6 +307,8 @@ class Threshold(Shown):
     @property
     def sentence(self) -> str:
         """The answer in one sentence."""
+        if self.so_far:
+            return "; ".join(self.so_far)
         units = self.system.units
         gaps, over = listed_words(self.gaps), range_words((self.low, self.high), self.over, units)
         verb = "does" if len(self.gaps) == 1 else "do"
@@ -330,7 +336,7 @@ class Threshold(Shown):
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return the answer, its evidence, and what moves it most; with the notes or without."""
-        yield self.sentence
+        yield from self.so_far or (self.sentence,)
         units = self.system.units
         unit = units.parameter(self.parameter) if units else ""
         if self.limit is not None:
@@ -435,7 +441,7 @@ class Request(NamedTuple):
 
     # Pieces of work, for any process.
 
-    def judged(self, piece: tuple[NDArray[np.float64], NDArray[np.float64]]) -> GapVerdicts:
+    def judged(self, piece: tuple[NDArray[np.float64], NDArray[np.float64]]) -> Tried:
         """Follow some motions until they have settled, and judge their gaps."""
         # Shapes: `pairs` (motions, 2), of the other parameter and the parameter; `states` (motions, state_size).
         pairs, states = piece
@@ -451,7 +457,13 @@ class Request(NamedTuple):
             for whole, part in zip(found[:4], later[:4], strict=True):
                 whole[left] = part
             found = found._replace(error=max(found.error, later.error), waited=found.waited + later.waited)
-        return found
+        counts = (found.codes >= 0).all(axis=1) & ((found.periods > 0) | prefers_lanes(self.system))
+        motions = (
+            Hit(value, other, found.states[k], self.rattling_by(found.codes[k]))
+            for k, (other, value) in enumerate(pairs.tolist())
+            if counts[k]
+        )
+        return Tried(tuple(motions), found)
 
     def rattles_exactly(self, piece: tuple[Hit, int]) -> bool | None:
         """Return True if a motion rattles once it has settled, by the exact flow; None if it does not settle."""
@@ -538,11 +550,24 @@ class Request(NamedTuple):
             return str(error)
 
 
-def _joined(parts: Sequence[GapVerdicts]) -> GapVerdicts:
-    codes, periods, peaks, states = map(np.concatenate, zip(*(each[:4] for each in parts), strict=True))
-    return GapVerdicts(
-        codes, periods, peaks, states, max(each.error for each in parts), max(each.waited for each in parts)
-    )
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Motions that were tried in one piece of the work."""
+
+    motions: tuple[Hit, ...]  #: Those that count; quiet ones have no gaps.
+    verdicts: GapVerdicts | None = None  #: What the gaps of all do, if they were judged together.
+    swept: LanePiece | None = None  #: The piece of a sweep that they are.
+
+
+Steps = Generator[Any, None, list[Tried]]
+Each = Callable[[Callable[[Any], Tried], Sequence[Any]], Steps]
+"""Does pieces of work, and yields what of it is to be stored; returns what was tried, in the order of the pieces."""
+
+
+def points_of(motions: Sequence[Hit]) -> NDArray[np.float64]:
+    """Return where motions were tried, and whether one rattles there, as of `Threshold`."""
+    seen = {(each.other, each.value): bool(each.gaps) for each in sorted(motions, key=lambda each: bool(each.gaps))}
+    return np.array([(*pair, rattles) for pair, rattles in seen.items()], dtype=float).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -562,6 +587,9 @@ class Round:
 
 class ThresholdSearch:
     """Search for a threshold, round by round."""
+
+    usual: ClassVar[tuple[int, int]] = 2, 4
+    """How many rounds most searches need, and pieces of work in a round."""
 
     def __init__(self, request: Request) -> None:
         request.check()
@@ -590,11 +618,12 @@ class ThresholdSearch:
             f"write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
         )
 
-    def advance(self) -> Round:
-        """Do the next round, and return it."""
+    def advance(self, each: Each) -> Generator[Any]:
+        """Do the next round."""
         asked, options, best = self.request, self.request.options, self._best()
         if best is None:
-            tried, hit = self._tried(asked.coarse, np.linspace(*asked.span, max(8, options.values // 2)), _FEW)
+            others = np.linspace(*asked.span, max(8, options.values // 2))
+            tried, hit = yield from self._tried(each, asked.coarse, others, _FEW)
         else:
             beyond = best.value + asked.way * _BEYOND * abs(asked.to[1] - asked.to[0])
             if asked.way * (beyond - asked.to[1]) > 0.0:
@@ -604,7 +633,8 @@ class ThresholdSearch:
             window = max(low, best.at - near), min(high, best.at + near)
             half = options.values // 2
             others = np.unique(np.concatenate((np.linspace(*asked.span, half), np.linspace(*window, half))))
-            tried, hit = self._tried(np.array([beyond]), others, options.starts, self._carried(best))
+            starts = options.starts, self._carried(best)
+            tried, hit = yield from self._tried(each, np.array([beyond]), others, *starts)
         extrema, notes = list[Extremum](), list[str]()
         if best is None and hit is None:
             notes = ["nothing rattles in the whole range"]
@@ -620,8 +650,28 @@ class ThresholdSearch:
                 "rattle: the limit is safe, but motions may cease to rattle before it is reached"
             ]
         self.rounds.append(Round(tried, hit, tuple(extrema), tuple(notes)))
-        tell(0.0)
-        return self.rounds[-1]
+
+    def so_far(self, motions: Sequence[Hit]) -> Threshold:
+        """Return what is known before the search is over, by the motions that were tried."""
+        asked, loci = self.request, tuple(each.locus for each in self._extrema)
+        where = asked.parameter, *asked.to, asked.over, *asked.span
+        limit = None, math.nan, float("inf"), False
+        rattling = {gap for each in motions for gap in each.gaps}
+        seen = [self._seen(gap, motions) for gap in asked.gaps if gap in rattling]
+        if quiet := [gap for gap in asked.gaps if gap not in rattling]:
+            seen.append(f"{listed_words(quiet)} rattle{'s' * (len(quiet) < 2)} in none of {len(motions)} motions")
+        about = loci, None, (), (), (), points_of(motions), tuple(seen)
+        return Threshold(asked.system, asked.gaps, *where, *limit, *about)
+
+    def _seen(self, gap: str, motions: Sequence[Hit]) -> str:
+        """Write between which values a gap ceases to rattle, by the motions that were tried."""
+        way = self.request.way
+        last = max((each for each in motions if gap in each.gaps), key=lambda each: way * each.value)
+        beyond = [each for each in motions if way * (each.value - last.value) > 0.0]
+        if not beyond:
+            return f"{gap} rattles at {self._place(last)}; nothing was tried beyond"
+        first = self._words(min(beyond, key=lambda each: way * each.value).value)
+        return f"{gap} rattles at {self._place(last)}, and in none of {len(beyond)} motions from {first} on"
 
     def found(self) -> Threshold:
         """Return the threshold after the rounds that are done."""
@@ -678,8 +728,13 @@ class ThresholdSearch:
         return max(self._extrema, key=lambda each: self.request.way * each.value, default=None)
 
     def _tried(
-        self, values: NDArray[np.float64], others: NDArray[np.float64], starts: int, carried: Sequence[NDArray] = ()
-    ) -> tuple[Confirmation, Hit | None]:
+        self,
+        each: Each,
+        values: NDArray[np.float64],
+        others: NDArray[np.float64],
+        starts: int,
+        carried: Sequence[NDArray] = (),
+    ) -> Generator[Any, None, tuple[Confirmation, Hit | None]]:
         """Follow motions at all pairs of values from some starts until they have settled, and judge them."""
         asked, options = self.request, self.request.options
         ends = [asked.at(value, other) for value in (values[0], values[-1]) for other in (others[0], others[-1])]
@@ -687,7 +742,7 @@ class ThresholdSearch:
         some = [state_at_rest(asked.system), *spread_starts(ends, box, starts - 1, options.seed, 0.0), *carried]
         grid = np.array(np.meshgrid(others, values, indexing="ij")).reshape(2, -1).T  # equal speeds side by side
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
-        found = self._judged(pairs, states, max(1, _TOGETHER // len(some)) * len(some))
+        found, _ = yield from self._judged(each, pairs, states, max(1, _TOGETHER // len(some)) * len(some))
         is_lost = np.asarray((found.codes < 0).any(axis=1))
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
@@ -716,14 +771,16 @@ class ThresholdSearch:
             return tried._replace(motions=tried.motions + 1, rattling=1), hit
         return tried, max(hits, key=lambda each: asked.way * each.value, default=None)
 
-    def _judged(self, pairs: NDArray[np.float64], states: NDArray[np.float64], size: int = _TOGETHER) -> GapVerdicts:
-        """Follow motions until they have settled, in pieces of some size, and judge their gaps."""
-        parts = [(pairs[first : first + size], states[first : first + size]) for first in range(0, len(pairs), size)]
-        judged = list[GapVerdicts]()
-        for k, part in workers_around().each(self.request.judged, parts):
-            judged.append(part)
-            tell((k + 0.5) / len(parts))  # what follows takes less, and tells nothing
-        return _joined(judged)
+    def _judged(
+        self, each: Each, pairs: NDArray[np.float64], states: NDArray[np.float64], size: int = _TOGETHER
+    ) -> Generator[Any, None, tuple[GapVerdicts, list[Hit]]]:
+        """Follow motions until they have settled, in pieces of some size; return verdicts, and those that count."""
+        pieces = [(pairs[first : first + size], states[first : first + size]) for first in range(0, len(pairs), size)]
+        tried = yield from each(self.request.judged, pieces)
+        parts = [part.verdicts for part in tried if part.verdicts is not None]
+        codes, periods, peaks, ends = map(np.concatenate, zip(*(part[:4] for part in parts), strict=True))
+        error, waited = max(part.error for part in parts), max(part.waited for part in parts)
+        return GapVerdicts(codes, periods, peaks, ends, error, waited), [one for part in tried for one in part.motions]
 
     def _confirmed(self, suspects: list[tuple[Hit, bool]]) -> list[Hit]:
         """Return motions that seem to rattle, from the first on that does so by the exact flow."""
@@ -779,7 +836,7 @@ def threshold_picture(found: Threshold) -> Picture:
         (found.over, found.parameter),
         curves_of_loci(found.loci, "{}: rattle begins or ceases"),
         partial(_parts_of_picture, found),
-        sentences=[found.sentence],
+        sentences=found.so_far or [found.sentence],
         heading=[found.sentence, *(found.notes if found.is_of_points else ())],
         script="record.loci",
         empty=""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
@@ -38,10 +38,10 @@ from gapwalk.model.bounds import Bounded, Counted, Natural
 from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words
 from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part
+from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.cell_work import CellWork
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_kind import Found, StudyKind
 from gapwalk.studies.study_schema import CELLS, Resolution, Surroundings, check_resolution, key_type
 from gapwalk.summary import SummaryParts, Table
 
@@ -92,6 +92,10 @@ class BasinChunk:
     error: float  #: Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
 
 
+CATALOGUE = Part("attractors", Catalogue)
+EXACT = Part("exact", Sorted, numbered=True)
+
+
 class BasinWork(CellWork):
     """Computation of the attractors to which many states lead.
 
@@ -122,6 +126,7 @@ class BasinWork(CellWork):
         self.labels = np.full(len(self.states), UNRESOLVED)
         self.checked = BasinCheck(len(self.states))
         self.is_begun = False
+        self._sorted, self._pieces = dict[int, Sorted](), 0  # those that the exact flow has sorted, and their number
         self._is_exact = not has_kernel(system)
         self._chunk = FEW if self._is_exact else CHUNK
         self._ends = self.states.copy()  # where the motions have come to
@@ -138,14 +143,23 @@ class BasinWork(CellWork):
         """Number of chunks."""
         return -(-len(self.states) // self._chunk)
 
-    def begin(self) -> None:
-        """Find the attractors to which some of the states lead."""
-        self.is_begun = True
-        random = np.random.default_rng(self.options.seed)
-        pilot = np.sort(random.permutation(len(self.states))[:_PILOT])
-        self._explore(pilot, self.states[pilot])
-        for chunk in self.chunks.values():
-            self.note(chunk)
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its attractors and chunks."""
+        super().take(known)
+        if (catalogue := known.get(CATALOGUE)) is not None:
+            self.catalogue, self.is_begun = catalogue, True
+        self._sorted = dict(known.all(EXACT))
+
+    def begin(self) -> Iterable[Found]:
+        """Find the attractors to which some of the states lead, unless they are known."""
+        if not self.is_begun:
+            self.is_begun = True
+            random = np.random.default_rng(self.options.seed)
+            pilot = np.sort(random.permutation(len(self.states))[:_PILOT])
+            self._explore(pilot, self.states[pilot])
+            for chunk in self.chunks.values():
+                self.note(chunk)
+            yield Found((CATALOGUE.entry(self.catalogue),), ())
 
     def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
@@ -164,16 +178,17 @@ class BasinWork(CellWork):
         left = int(np.sum(self.labels == UNRESOLVED))
         if not complete:
             done = sum(len(chunk.sorted.labels) for chunk in self.chunks.values())
-            return (f"stopped when {done} of {len(self.states)} states were done",)
+            left = "; they were not all checked" * (done == len(self.states))
+            return (f"stopped when {done} of {len(self.states)} states were done{left}",)
         return (f"{left} states lead to no attractor that was found; raise longest or tries",) if left else ()
 
-    def check(self, workers: Workers) -> None:
+    def check(self, workers: Workers) -> Iterable[Found]:
         """Find the attractors of the states that are still undecided; then check labels."""
         left = np.flatnonzero(self.labels == UNRESOLVED)
         self._explore(left, self._ends[left])
-        self.check_labels(workers)
+        yield from self.check_labels(workers)
 
-    def check_labels(self, workers: Workers) -> None:
+    def check_labels(self, workers: Workers) -> Iterable[Found]:
         """Find labels at borders, and some others, again with the exact flow, and correct wrong ones."""
         # Wrong labels occur in groups: the labels around a wrong one are found again too. If a sample contains a wrong
         # label, there are probably more, so further samples are drawn until one contains none. With
@@ -192,18 +207,18 @@ class BasinWork(CellWork):
                 chosen = self._choose(near & ~checked, left)
                 if not len(chosen):
                     break
-                wrong += self._correct(workers, chosen, changed)
+                wrong += yield from self._correct(workers, chosen, changed)
                 checked[chosen] = True
             chosen = self._choose(~near & ~checked, elsewhere)
             before = int(changed.sum())
-            wrong_elsewhere += self._correct(workers, chosen, changed)
+            wrong_elsewhere += yield from self._correct(workers, chosen, changed)
             checked[chosen] = sampled[chosen] = True
             if at_borders is not None or changed.sum() == before:
                 break
         at_border = checked & ~sampled
         counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
         again = self._choose(checked, elsewhere)
-        shifted = self._exact(workers, again, _SHIFT)
+        shifted = yield from self._exact(workers, again, _SHIFT)
         differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
         self.checked = BasinCheck(
             len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
@@ -214,11 +229,13 @@ class BasinWork(CellWork):
         random = np.random.default_rng(self.options.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
-    def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+    def _correct(
+        self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]
+    ) -> Generator[Found, None, int]:
         """Find labels again with the exact flow, and mark those that differ in `changed`; return their number."""
         if self._is_exact:  # the exact flow has found them already
             return 0
-        exact = self._exact(workers, which)
+        exact = yield from self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong
         corrected = np.where(exact == UNRESOLVED, self.labels[which], exact)
@@ -226,7 +243,9 @@ class BasinWork(CellWork):
         self.labels[which] = corrected
         return wrong
 
-    def _exact(self, workers: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+    def _exact(
+        self, workers: Workers, which: NDArray[np.intp], shift: float = 0.0
+    ) -> Generator[Found, None, NDArray[np.int_]]:
         """Return labels by the exact flow, from states shifted by a given fraction of their largest component."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array(
@@ -241,9 +260,14 @@ class BasinWork(CellWork):
             for group, longest in times
             for first in range(0, len(group), _CHECKED)
         ]
-        pieces = [(longest, states[group]) for group, longest in groups]
-        for index, found in workers.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
-            exact[groups[index][0]] = found.labels
+        pieces = dict(enumerate(((longest, states[group]) for group, longest in groups), self._pieces))
+        left, self._pieces = [number for number in pieces if number not in self._sorted], self._pieces + len(pieces)
+        todo = [pieces[number] for number in left]
+        for index, found in workers.each(partial(_sort_exactly, *self._known), todo, in_order=False):
+            self._sorted[left[index]] = found
+            yield Found((EXACT.entry(found, left[index]),), ())
+        for number, (group, _) in zip(pieces, groups, strict=True):
+            exact[group] = self._sorted[number].labels
         return exact[which]
 
     def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:

@@ -46,9 +46,9 @@ class CellWork(Work):
         """The part of a file that holds the whole record."""
         return self.asked.answer
 
-    def begin(self) -> None:
+    def begin(self) -> Iterable[Found]:
         """Do the work that all chunks depend on."""
-        return
+        return ()
 
     @abstractmethod
     def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, Any]]:
@@ -59,7 +59,7 @@ class CellWork(Work):
         """Enter a chunk into the arrays over all cells."""
 
     @abstractmethod
-    def check(self, workers: Workers) -> None:
+    def check(self, workers: Workers) -> Iterable[Found] | None:
         """Compare the results with the exact flow, when all chunks are done."""
 
     @abstractmethod
@@ -82,11 +82,11 @@ class CellWork(Work):
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Do the remaining chunks; then check the results with the exact flow."""
-        self.begin()
+        yield from self.begin()
         for _, chunk in self.follow(workers, [number for number in range(self.total) if number not in self.chunks]):
             self._add(chunk)
             yield Found.part(self.chunk_part, chunk, chunk.number)
-        self.check(workers)
+        yield from self.check(workers) or ()
         self._whole = self.found(complete=True)
 
     def _add(self, chunk: Any) -> None:

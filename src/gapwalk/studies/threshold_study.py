@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections import Counter
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
 
 from gapwalk.answers.gap_states import chosen_gaps
 from gapwalk.answers.lane_threshold import LaneThresholdSearch
-from gapwalk.answers.threshold import Request, Round, Threshold, ThresholdOptions, ThresholdSearch
+from gapwalk.answers.threshold import Request, Round, Steps, Threshold, ThresholdOptions, ThresholdSearch, Tried
 from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted
@@ -28,6 +30,8 @@ Over = Annotated[
     AfterValidator(is_another),
 ]
 ROUND = Part("round", Round, numbered=True)
+TRIED = Part("tried", Tried, numbered=True)
+_MOST = 1_000_000  # pieces of a round
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class ThresholdStudy(RangeStudy):
     """
 
     kind: ClassVar[str] = "threshold"
-    stored: ClassVar[tuple[Part, ...]] = (ROUND,)
+    stored: ClassVar[tuple[Part, ...]] = (TRIED, ROUND)
     answer: ClassVar[Part | None] = Part("threshold", Threshold)
     arguments: ClassVar[tuple[str, ...]] = ("parameter", "to", "over", "gaps")
     table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS}
@@ -106,13 +110,28 @@ class ThresholdStudy(RangeStudy):
         """Do the rounds of the search; then give the threshold."""
         search = self._search(job.system, job.all(ROUND))
         while not search.is_over:
-            yield job.keep(ROUND, search.advance(), len(search.rounds) - 1)
+            numbers = count(_MOST * len(search.rounds))
+
+            def each(compute: Callable[[Any], Tried], pieces: Sequence[Any], numbers: count[int] = numbers) -> Steps:
+                own = {number: piece for piece, number in zip(pieces, numbers, strict=False)}
+                yield from job.each(TRIED, compute, own)
+                return [job.known[TRIED][number] for number in own]
+
+            yield from search.advance(each)
+            yield job.keep(ROUND, search.rounds[-1], len(search.rounds) - 1)
         yield job.end(search.found())
 
+    def so_far(self, job: Job) -> Threshold | None:
+        """Return where the motions that were tried rattle; None before the first."""
+        motions = [motion for tried in job.all(TRIED) for motion in tried.motions]
+        return self._search(job.system, job.all(ROUND)).so_far(motions) if motions else None
+
     def total(self, job: Job) -> int:
-        """Return the number of parts: most searches need two rounds."""
-        search = self._search(job.system, job.all(ROUND))
-        return max(2, len(search.rounds) + (not search.is_over)) + 1
+        """Return the number of parts, as most searches have."""
+        search, tried = self._search(job.system, job.all(ROUND)), Counter(each // _MOST for each in job.known[TRIED])
+        rounds, (usual, pieces) = len(search.rounds), search.usual
+        left = 0 if search.is_over else max(usual - rounds, 1)
+        return self.done(job) + left * (max([pieces, *tried.values()]) + 1) - tried[rounds] + 1
 
     def document(self, found: Threshold, points: bool) -> dict[str, Any]:
         """Return the threshold as JSON values; with the points of its loci if wanted."""
