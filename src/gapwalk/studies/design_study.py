@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit, proved
+from gapwalk.answers.design import Design, proved
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
+from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted, Natural
