@@ -24,7 +24,7 @@ from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.rattle_study import listed
-from gapwalk.studies.study_kind import INLINE, Found, Job, plain_numbers
+from gapwalk.studies.study_kind import INLINE, Found, Job
 from gapwalk.studies.study_schema import WITH_UNIT, Start, StartOrState, Surroundings, key_type
 
 if TYPE_CHECKING:
@@ -321,9 +321,9 @@ class DesignStudy(RangeStudy):
             "parameter": found.parameter,
             "within": list(found.within),
             "change": found.change,
-            "changes": [_plain_row(each) | {"percent": plain_numbers(each.percent)} for each in found.changes],
-            "goals": [_plain_row(each) | {"reached": each.verdict == "reached"} for each in found.judged],
-            "searches": [_plain_row(each) for each in found.routes],
+            "changes": [plain(each) | {"percent": plain(each.percent)} for each in found.changes],
+            "goals": [plain(each) | {"reached": each.verdict == "reached"} for each in found.judged],
+            "searches": [plain(each) for each in found.routes],
             "proof": {
                 "special_points": [special.to_dict() for special in getattr(found.response, "special_points", ())],
                 "isolated": len(found.isolated),
@@ -335,7 +335,3 @@ class DesignStudy(RangeStudy):
                 along = branch.points if branch else ()
                 document[name] = {"values": [each.value for each in along], "stable": [each.stable for each in along]}
         return document
-
-
-def _plain_row(record: Any) -> dict[str, Any]:
-    return {name: plain_numbers(value) for name, value in plain(record).items()}

@@ -49,7 +49,7 @@ from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies import functions
 from gapwalk.studies.options import check_measure
-from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind, plain_numbers
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind
 from gapwalk.studies.study_schema import Surroundings, key_type
 
 if TYPE_CHECKING:
@@ -599,7 +599,7 @@ class ScanStudy(StudyKind):
             "variations": len(found.variations),
             "model": self._row(found, 0),
             "best": [self._row(found, index) for index in best],
-            "luck": plain_numbers(plain(found.luck(score)._asdict())),
+            "luck": plain(found.luck(score)._asdict()),
             "check": {"checked": found.check.checked, "different": list(found.check.different)},
             "error": found.error,
         }
@@ -614,5 +614,5 @@ class ScanStudy(StudyKind):
             "variation": found.words(index),
             "score": int(found.scores[index]),
             "holds": found.holds[index].tolist(),
-            "amounts": plain_numbers(found.amounts[index].tolist()),
+            "amounts": plain(found.amounts[index]),
         }

@@ -688,13 +688,6 @@ class Job(Work):
         return self.asked.finding_of(self)
 
 
-def plain_numbers(values: Any) -> Any:
-    """Return numbers in nested lists as JSON values; those that are not finite become null."""
-    if isinstance(values, list):
-        return [plain_numbers(value) for value in values]
-    return None if isinstance(values, float) and not math.isfinite(values) else values
-
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
