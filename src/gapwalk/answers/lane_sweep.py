@@ -344,10 +344,7 @@ def by_half_steps(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dic
 
 
 def _watched_on(
-    line: ParameterLine,
-    sweep: SettledSweep,
-    gaps: Sequence[str],
-    watched: Mapping[float, tuple[LaneMotion, ...]],
+    line: ParameterLine, sweep: SettledSweep, gaps: Sequence[str], watched: Mapping[float, tuple[LaneMotion, ...]]
 ) -> SettledSweep:
     """Watch motions without period longer where a gap begins or ceases to rattle: chaos may die, or part seldom."""
     motions, notes = list(sweep.lanes), list(sweep.notes)

@@ -392,10 +392,7 @@ class Solutions:
 
 
 def pools_of(
-    forms: Sequence[Form],
-    names: Sequence[Sequence[str]],
-    walks: Sequence[Walked],
-    chunks: Sequence[Solutions],
+    forms: Sequence[Form], names: Sequence[Sequence[str]], walks: Sequence[Walked], chunks: Sequence[Solutions]
 ) -> tuple[Pool, ...]:
     """Return the solutions of all forms in walked samples, whose points have names, and in chunks of other samples."""
     at: dict[str, list[tuple[int, Met]]] = {}

@@ -15,13 +15,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import (
-    GapState,
-    SlowSweepOptions,
-    gap_state,
-    innermost,
-    watched,
-)
+from gapwalk.answers.gap_states import GapState, SlowSweepOptions, gap_state, innermost, watched
 from gapwalk.answers.rattle_bands import chosen_gap
 from gapwalk.attractors.basins import centres
 from gapwalk.attractors.settle import SettleOptions, settle
@@ -32,13 +26,7 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit, describe_switch
-from gapwalk.picture_parts import (
-    Cells,
-    Parts,
-    Picture,
-    curves_of_loci,
-    pictured,
-)
+from gapwalk.picture_parts import Cells, Parts, Picture, curves_of_loci, pictured
 from gapwalk.pieces import tell, workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 

@@ -71,12 +71,7 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
     return add
 
 
-@command(
-    1,
-    "gapwalk new rattle.toml",
-    "gapwalk new neutral-rattle",
-    "gapwalk new train.toml --from train.csv",
-)
+@command(1, "gapwalk new rattle.toml", "gapwalk new neutral-rattle", "gapwalk new train.toml --from train.csv")
 def new(
     file: Path | None = None,
     /,
@@ -133,11 +128,7 @@ def check(
     return check_file(file, changes or [], picture, json=json)
 
 
-@command(
-    3,
-    "gapwalk modes examples/drivetrain.toml",
-    "gapwalk modes examples/train.toml --picture modes.png",
-)
+@command(3, "gapwalk modes examples/drivetrain.toml", "gapwalk modes examples/train.toml --picture modes.png")
 def modes(
     file: Path,
     /,
@@ -361,10 +352,7 @@ def compare(
     return compare_files(first, second, tolerance, **options)
 
 
-@command(
-    6,
-    "gapwalk verify rattle.gapwalk",
-)
+@command(6, "gapwalk verify rattle.gapwalk")
 def verify(result: Path, /, *, json: Json = False, quiet: Quiet = False, debug: Debug = False) -> int:
     """Check a result by independent means: orbits, gaps between them, special points, and counts.
 

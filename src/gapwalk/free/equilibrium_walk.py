@@ -227,12 +227,7 @@ class RestEquation:
         moved = accelerations(layout, coefficients + 1j * _STEP * slope, 0.0, unknowns + 0j, rest)
         stiffness, damping = self.matrices(unknowns, value)
         by_parameter = -np.imag(moved) / _STEP / self._square
-        found = Evaluation(
-            -np.real(moved) / self._square,
-            stiffness / self._square,
-            by_parameter,
-            (stiffness, damping),
-        )
+        found = Evaluation(-np.real(moved) / self._square, stiffness / self._square, by_parameter, (stiffness, damping))
         if not all(np.isfinite(each).all() for each in (found.residual, found.by_unknowns, by_parameter)):
             raise FlowError("a force has no finite value or slope at rest")
         return found

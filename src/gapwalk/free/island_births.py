@@ -262,10 +262,7 @@ class Foretold(Shown):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of births, and of the amplitudes along the backbone."""
-        return {
-            "births": lambda: rows_of(map(row_of, self.births)),
-            "amplitudes": lambda: rows_of(self._along()),
-        }
+        return {"births": lambda: rows_of(map(row_of, self.births)), "amplitudes": lambda: rows_of(self._along())}
 
     def _along(self) -> list[dict[str, Any]]:
         names = [f"amplitude.{harmonic}" for harmonic in self.harmonics]

@@ -401,10 +401,7 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
 
 _BELOW = 80.0  # dB below the highest level that cuts show
 _DELAY = color_of("tint-late")
-_CUTS: Any = (
-    *((each.color, 1.3, each.dashes) for each in SEVERAL),
-    (BLACK, 1.0),
-)  # the loudest orders
+_CUTS: Any = (*((each.color, 1.3, each.dashes) for each in SEVERAL), (BLACK, 1.0))  # the loudest orders
 _OTHERS: Any = (GREY, 0.4)
 _LEVELS: Any = (("#b3b3b3", 3.2), (color_of("tint-one-wild"), 1.6))  # overall, below all others, and rattle
 _FINE_HISTORY = 40_000  # points of a history up to which all are drawn

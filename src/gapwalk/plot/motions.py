@@ -367,12 +367,7 @@ def fill_waterfall(
         pitch = np.interp(ends, places, found.pitch)
         ends, upwards = np.broadcast_to(ends, (len(upwards), len(ends))), np.outer(upwards, pitch)
     mesh = ax.pcolormesh(
-        ends,
-        upwards,
-        cells,
-        norm=norm,
-        cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"),
-        rasterized=True,
+        ends, upwards, cells, norm=norm, cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"), rasterized=True
     )
     for turn in turns:
         ax.axvline(float(places[turn]), **GUIDE.options())

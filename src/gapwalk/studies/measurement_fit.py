@@ -376,12 +376,7 @@ def _agreement_words(found: Alignment) -> str:
 
 def _agreement(found: Alignment) -> dict[str, float]:
     agreed = found.agreement
-    return {
-        "rms": agreed.rms,
-        "relative": agreed.relative,
-        "correlation": agreed.correlation,
-        "phase": found.phase,
-    }
+    return {"rms": agreed.rms, "relative": agreed.relative, "correlation": agreed.correlation, "phase": found.phase}
 
 
 def _fit_document(found: Fit) -> dict[str, Any]:

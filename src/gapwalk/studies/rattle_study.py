@@ -41,13 +41,7 @@ from gapwalk.answers.lane_sweep import (
     started_piece,
     sweep_piece,
 )
-from gapwalk.answers.rattle_bands import (
-    RattleBands,
-    Severity,
-    bands_of_sweeps,
-    severities_of,
-    worst_of,
-)
+from gapwalk.answers.rattle_bands import RattleBands, Severity, bands_of_sweeps, severities_of, worst_of
 from gapwalk.answers.rattle_map import RattleMap, borders, exact_gaps
 from gapwalk.attractors.basins import centres
 from gapwalk.attractors.lane_settling import LaneMotion

@@ -448,10 +448,7 @@ def values_of(options: Any) -> dict[str, Any]:
 
 register(
     StudyKind,
-    OneOf(
-        lambda value: value.kind if isinstance(value, StudyKind) else None,
-        lambda kind: column_of(kind_of(kind)),
-    ),
+    OneOf(lambda value: value.kind if isinstance(value, StudyKind) else None, lambda kind: column_of(kind_of(kind))),
 )
 
 

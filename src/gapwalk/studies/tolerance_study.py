@@ -164,10 +164,7 @@ SPREADS = (
 
 SPREAD_KEYS: Mapping[str, Any] = {
     "spreads": None,
-    "spread": (
-        Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")],
-        None,
-    ),
+    "spread": (Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")], None),
     "correlation": (list[list[float]] | None, None),
     "parts": (Annotated[Any, BeforeValidator(_parts)], None),
 }

@@ -234,13 +234,7 @@ class DryEquations(Equations):
         return np.imag(limits) / _STEP * self.frequency[lanes] / stiffness
 
     def mode_guards(
-        self,
-        angles: Values,
-        states: Values,
-        modes: Modes,
-        levels: Values,
-        sizes: Sizes,
-        lanes: Lanes = _ALL,
+        self, angles: Values, states: Values, modes: Modes, levels: Values, sizes: Sizes, lanes: Lanes = _ALL
     ) -> dict[Key, Values]:
         """Return the guards of some modes, as shares of their scales: a mode lasts while its guard is positive."""
         # Of friction without force it is 1.

@@ -112,10 +112,7 @@ class MeasuredTable:
 
 
 def read_table(
-    source: str | os.PathLike[str] | io.StringIO | NamedFile,
-    wanted: Sequence[WantedColumn],
-    *,
-    most: int = MAX_ROWS,
+    source: str | os.PathLike[str] | io.StringIO | NamedFile, wanted: Sequence[WantedColumn], *, most: int = MAX_ROWS
 ) -> MeasuredTable:
     """Read the wanted columns of a file of any format, or of a text: finite numbers, at most so many of a channel.
 

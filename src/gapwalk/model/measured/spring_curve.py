@@ -419,10 +419,7 @@ class Curve:
 
 
 def spring_curve(
-    deflection: ArrayLike,
-    force: ArrayLike,
-    kind: Literal["linear", "cubic"] = "linear",
-    error: float = ERROR,
+    deflection: ArrayLike, force: ArrayLike, kind: Literal["linear", "cubic"] = "linear", error: float = ERROR
 ) -> Curve:
     """Make the curve of a spring from measured points.
 
