@@ -106,7 +106,7 @@ class RattleMap(Shown):
         if self.loci:
             yield ""
             rows = [
-                (str(locus.kind), _contact_of(locus), str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
+                (str(locus.kind), locus.contact, str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
                 for locus in self.loci
                 for low, high in [(float(locus.values[:, 0].min()), float(locus.values[:, 0].max()))]
             ]
@@ -152,10 +152,6 @@ def cell_word(code: int, is_periodic: bool) -> str:
     if code < 0:
         return "diverges" if code == -1 else "not done"
     return list(GapState)[code] + ("" if is_periodic else ", not periodic")
-
-
-def _contact_of(locus: Locus) -> str:
-    return getattr(locus, "contact", "") or ""
 
 
 def borders(

@@ -118,10 +118,6 @@ class BackboneStudy(StudyKind):
         if [number for number, _, _ in lines] != [*range(len(lines))] or len(lines) > self.total(job):
             raise ValueError("the backbones do not belong to the study")
 
-    def is_complete(self, job: Job) -> bool:
-        """Return True if all backbones are known."""
-        return self.done(job) == self.total(job)
-
     def done(self, job: Job) -> int:
         """Return the number of backbones that are done."""
         return len(job.known[LINE])

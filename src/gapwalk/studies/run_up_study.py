@@ -497,10 +497,6 @@ class RunUpStudy(StudyKind):
             if not 0 <= number < self.chunks or len(chunk.courses) != len(self._lanes(number)):
                 raise ValueError(f"chunk {number} does not belong to these run-ups")
 
-    def is_complete(self, job: Job) -> bool:
-        """Return True if no work is left."""
-        return self.done(job) == self.total(job)
-
     def total(self, job: Job) -> int:
         """Return the number of all parts: chunks of run-ups, and the response."""
         return self.chunks + self.with_response

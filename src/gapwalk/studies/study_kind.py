@@ -282,7 +282,7 @@ class StudyKind:
 
     def is_complete(self, job: Job) -> bool:
         """Return True if no work is left, once the record is stored."""
-        return self.answer is not None and bool(job.known[self.answer])
+        return bool(job.known[self.answer]) if self.answer is not None else self.done(job) == self.total(job)
 
     def done(self, job: Job) -> int:
         """Return the number of parts that are done."""
