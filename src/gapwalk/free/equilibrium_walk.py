@@ -44,14 +44,7 @@ class RestPoint:
     """One equilibrium."""
 
     stuck = ()  # contacts whose friction never slips
-    _row: ClassVar = {
-        "parameter": "value",
-        "stable": "stable",
-        "unstable": "unstable",
-        "growth": "growth",
-        "frequency": "frequency",
-        "contacts": "pattern",
-    }
+    _row: ClassVar = "parameter=value stable unstable growth frequency contacts=pattern"
 
     value: float  #: Value of the parameter.
     position: NDArray[np.float64]  #: shape (n,): The coordinates.
@@ -94,17 +87,10 @@ class RestPoint:
 class RestEvent(CurveEvent):
     """Equilibrium at which something changes."""
 
-    _row: ClassVar = {
-        "kind": "kind",
-        "parameter": "point.value",
-        "uncertainty": "uncertainty",
-        "unstable.before": "before",
-        "unstable.after": "after",
-        "frequency": "frequency",
-        "contact": "contact",
-        "closes": "closes",
-        "turns": "turns",
-    }
+    _row: ClassVar = (
+        "kind parameter=point.value uncertainty unstable.before=before unstable.after=after frequency contact "
+        "closes turns"
+    )
 
     kind: str  #: What changes.
     point: RestPoint  #: The equilibrium.

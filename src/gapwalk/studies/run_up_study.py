@@ -194,19 +194,16 @@ class RunUpFinding(Finding):
 
     def _jump_rows(self) -> Iterator[list[object]]:
         yield ["fold", "jump", "delay"]
-        for each in self.delays:
-            yield plain(each)
+        yield from plain(self.delays)
 
 
 def _pace_heading(system: System) -> list[str]:
     return [*parameter_headings([system.structure.pace], system.coordinates)]
 
 
-def _peak_rows(found: RunUp) -> Iterator[list[object]]:
+def _peak_rows(found: RunUp) -> Rows:
     yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    for each in found.peaks:
-        row: list[object] = [*each]
-        yield row
+    yield from found.peaks
 
 
 def _run_rows(found: RunUps) -> Iterator[list[object]]:
