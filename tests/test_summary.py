@@ -17,7 +17,7 @@ from tests.systems import clutch
 
 @dataclass(frozen=True)
 class Mark:
-    _row: ClassVar = {"name": "name", "place": "place", "size": "name.__len__.__name__"}
+    _row: ClassVar = "name place size=name.__len__.__name__"
 
     name: str
     place: complex

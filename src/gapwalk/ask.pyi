@@ -1,11 +1,11 @@
 """Public names of `gapwalk.ask`; see `gapwalk.lazy_names`."""
 
-from .answers.design import Change as Change
 from .answers.goals import Need as Need
 from .answers.goals import NoPoint as NoPoint
 from .answers.goals import PeakBelow as PeakBelow
 from .answers.goals import Quiet as Quiet
 from .answers.goals import Resonance as Resonance
+from .answers.least_change import Change as Change
 from .answers.run_up import run_up as run_up
 from .answers.run_ups import run_ups as run_ups
 from .answers.scan import Variations as Variations

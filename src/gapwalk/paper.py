@@ -14,15 +14,7 @@ from gapwalk.model.loads import Harmonic
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 
-__all__ = [
-    "DampingReading",
-    "SlopeReading",
-    "case",
-    "describe",
-    "frequency_responses",
-    "names",
-    "parameter_set",
-]
+__all__ = ["DampingReading", "SlopeReading", "case", "describe", "frequency_responses", "names", "parameter_set"]
 
 
 class SlopeReading(StrEnum):
@@ -163,14 +155,7 @@ _CASES = {
     "26b": replace(_kappa_04, second=(0.1, 3, 0.0)),
     "27": replace(_varied, frequency=0.25),
     "28": replace(_varied, frequency=0.255),
-    "29": replace(
-        _heavy_backlash,
-        mean=_LIGHT,
-        second=(0.1, 2, 0.0),
-        frequency=0.35,
-        is_response=False,
-        note=_VARIED,
-    ),
+    "29": replace(_heavy_backlash, mean=_LIGHT, second=(0.1, 2, 0.0), frequency=0.35, is_response=False, note=_VARIED),
 }
 
 

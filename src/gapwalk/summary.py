@@ -9,7 +9,7 @@ import cmath
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from functools import partial, wraps
+from functools import cache, partial, wraps
 from io import StringIO
 from operator import attrgetter
 from textwrap import wrap
@@ -116,9 +116,9 @@ class Described:
 
     __slots__ = ()
 
-    _row: ClassVar[Mapping[str, str]] = {}
-    """The row of the record in a table: the path of an attribute, such as ``orbit.pattern``, by each heading. By
-    default the row has all fields that are numbers or texts."""
+    _row: ClassVar[str] = ""
+    """The row of the record in a table: names of attributes, or headings with the path of an attribute, as in ``stable
+    contacts=orbit.pattern``. By default the row has all fields that are numbers or texts."""
 
     def summary(self) -> SummaryText:
         """Return the record in words: lines of text, tables and trees."""
@@ -158,14 +158,21 @@ class Described:
 
 def row_of(record: Any) -> dict[str, Any]:
     """Return the numbers and texts of a record by the headings of its row; None in place of an empty text."""
-    paths = getattr(record, "_row", None) or {name: name for name, _ in _fields_of(record)}
-    row = {heading: attrgetter(path)(record) for heading, path in paths.items()}
+    row = {heading: value_of(record) for heading, value_of in _columns(getattr(record, "_row", ""))}
+    row = row or dict(_fields_of(record))
     plain = {name: value.value if isinstance(value, Enum) else value for name, value in row.items()}
     return {
         name: None if isinstance(value, str) and not value else value
         for name, value in plain.items()
         if isinstance(value, str | float | complex | int) or getattr(value, "shape", None) == ()
     }
+
+
+@cache
+def _columns(row: str) -> list[tuple[str, attrgetter[Any]]]:
+    """Return the headings of a row with what reads their values."""
+    parts = [each.partition("=") for each in row.split()]
+    return [(heading, attrgetter(path or heading)) for heading, _, path in parts]
 
 
 def rows_of(rows: Iterable[Mapping[str, Any]], empty: Sequence[str] = ()) -> Rows:

@@ -9,8 +9,9 @@ import pytest
 from scipy.optimize import minimize
 
 import gapwalk as gw
-from gapwalk.answers.design import DesignProblem, LeastChangeOptions, design_picture
+from gapwalk.answers.design import design_picture
 from gapwalk.answers.goals import MARGIN, peaks
+from gapwalk.answers.least_change import DesignProblem, LeastChangeOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.studies import read_studies

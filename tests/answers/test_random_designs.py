@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.design import DesignProblem
+from gapwalk.answers.least_change import DesignProblem
 from gapwalk.answers.point_prediction import TrackedPoint
 from gapwalk.errors import NumericalError
 

@@ -10,7 +10,7 @@ from scipy import stats
 import gapwalk as gw
 from gapwalk.answers.point_fit import Form, Met, Patterns, Pool, _attached
 from gapwalk.answers.point_prediction import Guess, Regression, Regressions, Terms, polynomial
-from gapwalk.answers.tolerance import HowFound, Spread, Spreads, chance_of, measured_parts, spread_in_percent
+from gapwalk.answers.tolerance import HowFound, Spread, Spreads, chance_of, parts_in
 from gapwalk.answers.tolerance_tracking import Tracker
 from gapwalk.ask import tolerance
 from gapwalk.errors import Interrupted, ModelError
@@ -218,10 +218,16 @@ def campaign() -> tuple[np.ndarray, np.ndarray]:
     return table[:, :8], table[:, 8:]
 
 
+def in_percent(system, share=1.0):
+    """Normal laws about the values of a system, with a share of the standard deviations in `PERCENT`."""
+    sds = {name: abs(system[name]) * (share * sd) / 100.0 for name, sd in PERCENT.items()}
+    return Spreads(tuple(Spread(name, sd=sd, mean=system[name]) for name, sd in sds.items()))
+
+
 def clutch():
     """Figure 13 with eight uncertain parameters."""
     system = gw.paper.case("13")
-    spreads = Spreads(tuple(spread_in_percent(system, sd, [name])[0] for name, sd in PERCENT.items()))
+    spreads = in_percent(system)
     asked = ToleranceStudy("frequency", 1.9, 0.6, samples=400, spreads=spreads)
     work = _Samples(asked.work(system))
     return work, gw.follow(gw.find_orbit(work.system), "frequency", 0.6)
@@ -304,7 +310,7 @@ def test_quantiles_of_clutches_are_those_of_the_campaign():
 @pytest.mark.parametrize(("accuracy", "largest", "quantile"), [(1e-5, 2e-6, 5e-6), (1e-3, 5e-5, 5e-5)])
 def test_all_points_of_a_thousand_clutches_are_those_of_full_walks(accuracy, largest, quantile):
     system = gw.paper.case("13").at(frequency=1.9)
-    spreads = Spreads(tuple(spread_in_percent(system, 0.2 * sd, [name])[0] for name, sd in PERCENT.items()))
+    spreads = in_percent(system, 0.2)
     options = {"samples": 1000, "check": 0, "accuracy": accuracy}
     found = tolerance(system, "frequency", (1.9, 0.15), spreads, **options)
     lines = [line.split(",")[1].split() for line in NARROW.read_text().splitlines()[4:]]
@@ -356,16 +362,14 @@ def test_correlated_parameters_have_their_correlation():
         Spreads((*normal, Spread("c", sd=1.0)), ((1.0, 0.9, 0.9), (0.9, 1.0, -0.9), (0.9, -0.9, 1.0)))
 
 
-def test_measured_parts_are_drawn_row_by_row(tmp_path):
-    file = tmp_path / "parts.csv"
-    file.write_text("stop.clearance,harmonic1.amplitude\n1.0,0.15\n1.02,0.151\n0.98,0.149\n")
-    design = measured_parts(file).design(7, 0)
+def test_measured_parts_are_drawn_row_by_row():
+    rows = b"stop.clearance,harmonic1.amplitude\n1.0,0.15\n1.02,0.151\n0.98,0.149\n"
+    design = parts_in(rows, "parts.csv").design(7, 0)
     rows = {tuple(row) for row in design.values.tolist()}
     assert rows == {(1.0, 0.15), (1.02, 0.151), (0.98, 0.149)}
     assert sorted(map(tuple, design.values[:3].tolist())) == sorted(rows)
-    file.write_text("stop.clearance\n1.0\nwide\n")
     with pytest.raises(ModelError, match="wide"):
-        measured_parts(file)
+        parts_in(b"stop.clearance\n1.0\nwide\n", "parts.csv")
 
 
 def test_the_interval_is_that_of_clopper_and_pearson():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.design import Route
+from gapwalk.answers.least_change import Route
 from gapwalk.explorer.progress_stream import News, Progress
 from gapwalk.parallel.workers import Pace
 from tests.explorer.conftest import STOP, result_of, wait

@@ -617,11 +617,6 @@ class BandEnd:
         """True if it is a special point of a branch, or of the response with held flanks."""
         return self.special is not None or self.kind == str(Kind.GRAZING)
 
-    @property
-    def is_jump(self) -> bool:
-        """True if the motion jumps there."""
-        return self.special is not None and self.special.kind is not Kind.GRAZING
-
     def with_movers(self) -> BandEnd:
         """Return the end with the parameters that move it; without them if the point has no gradient."""
         if self.special is None or self.movers:

@@ -19,14 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import (
-    RANGE,
-    BandEnd,
-    chosen_gaps,
-    contact_place,
-    innermost,
-    kept,
-)
+from gapwalk.answers.gap_states import RANGE, BandEnd, chosen_gaps, contact_place, innermost, kept
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.loci.gradient import moving_names
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, ShotPlane

@@ -30,7 +30,16 @@ from gapwalk.answers.gap_states import (
     usual_gaps,
 )
 from gapwalk.answers.held_flank import grazing_near, unpolished
-from gapwalk.attractors.lane_settling import LONG, TIMES, LaneMotion, Start, settle_lanes, slow_modes, slow_places
+from gapwalk.attractors.lane_settling import (
+    LONG,
+    TIMES,
+    LaneMotion,
+    Start,
+    settle_lanes,
+    settled_again,
+    slow_modes,
+    slow_places,
+)
 from gapwalk.bifurcation.isolated.search_starts import generator, spread_starts, state_box
 from gapwalk.ensemble.batch_flow import state_at_rest
 from gapwalk.ensemble.lane_code import WIDTH
@@ -317,21 +326,14 @@ def _sampled(line: ParameterLine, sweep: SettledSweep) -> SettledSweep:
 
 def by_half_steps(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[int, LaneMotion]:
     """Settle motions again by half the step: what changes is the error of their accelerations."""
-    starts = [
-        Start(key, motion.value, line.system_at(motion.value), motion.state, is_warm=True)
-        for key, motion in motions.items()
-    ]
     return {
-        start.key: replace(motion, error=np.maximum(motion.error, np.abs(motion.rms - motions[start.key].rms)))
-        for start, motion in settle_lanes(starts, finer=2.0, slowest=[start.system for start in starts])
+        k: replace(motion, error=np.maximum(motion.error, np.abs(motion.rms - motions[k].rms)))
+        for k, motion in settled_again(motions, line.system_at, finer=2.0).items()
     }
 
 
 def _watched_on(
-    line: ParameterLine,
-    sweep: SettledSweep,
-    gaps: Sequence[str],
-    watched: Mapping[float, tuple[LaneMotion, ...]],
+    line: ParameterLine, sweep: SettledSweep, gaps: Sequence[str], watched: Mapping[float, tuple[LaneMotion, ...]]
 ) -> SettledSweep:
     """Watch motions without period longer where a gap begins or ceases to rattle: chaos may die, or part seldom."""
     motions, notes = list(sweep.lanes), list(sweep.notes)
@@ -360,15 +362,8 @@ _DIED = "transient chaos, which died out after {} forcing periods"
 
 def _confirmed(line: ParameterLine, motions: Mapping[int, LaneMotion]) -> dict[int, LaneMotion]:
     """Watch motions without period for long."""
-    starts = [
-        Start(key, motion.value, line.system_at(motion.value), motion.state, is_warm=True, watch=LONG)
-        for key, motion in motions.items()
-    ]
-    before = {key: motion.waited + motion.watched for key, motion in motions.items()}
-    return {
-        start.key: replace(motion, waited=before[start.key] + motion.waited)
-        for start, motion in settle_lanes(starts, slowest=[start.system for start in starts])
-    }
+    watched = settled_again(motions, line.system_at, watch=LONG)
+    return {k: motion.after(motions[k]) for k, motion in watched.items()}
 
 
 def inside_of(one: float, other: float, least: float) -> list[float]:

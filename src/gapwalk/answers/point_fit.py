@@ -27,7 +27,16 @@ from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.files import content_of
-from gapwalk.measurement.fit import Estimate, Evidence, FitOptions, determined, doubts_of, independent, limits_of
+from gapwalk.measurement.fit import (
+    Estimate,
+    Evidence,
+    FitOptions,
+    determined,
+    doubts_of,
+    estimate_of,
+    independent,
+    limits_of,
+)
 from gapwalk.model.bounds import Finite, Positive, check_fields
 from gapwalk.model.channels.text_table import parse_csv
 from gapwalk.model.problems import did_you_mean
@@ -383,10 +392,7 @@ class Solutions:
 
 
 def pools_of(
-    forms: Sequence[Form],
-    names: Sequence[Sequence[str]],
-    walks: Sequence[Walked],
-    chunks: Sequence[Solutions],
+    forms: Sequence[Form], names: Sequence[Sequence[str]], walks: Sequence[Walked], chunks: Sequence[Solutions]
 ) -> tuple[Pool, ...]:
     """Return the solutions of all forms in walked samples, whose points have names, and in chunks of other samples."""
     at: dict[str, list[tuple[int, Met]]] = {}
@@ -617,10 +623,7 @@ class PointFit(Shown):
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of one parameter."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
+        return estimate_of(self.estimates, name)
 
     @property
     def free_names(self) -> tuple[str, ...]:

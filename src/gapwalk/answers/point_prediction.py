@@ -486,12 +486,7 @@ class TrackedPoint:
         return [structure.place(name) for name in self.names]
 
     def _corrected(
-        self,
-        equation: LocusEquation,
-        guess: Array,
-        longest: float,
-        known: float = np.inf,
-        enough: float = ENOUGH,
+        self, equation: LocusEquation, guess: Array, longest: float, known: float = np.inf, enough: float = ENOUGH
     ) -> Corrected | None:
         """Correct a guess by Newton's method; None if it does not converge near by."""
         # With a `known` bound of the curvature, an error may be left that is small `enough`. Then the next step needs

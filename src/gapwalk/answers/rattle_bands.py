@@ -50,17 +50,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol, told_apart, with_error
 from gapwalk.notebook import Shown
-from gapwalk.picture_parts import (
-    End,
-    Line,
-    NamedCurve,
-    Panel,
-    Parts,
-    Picture,
-    Series,
-    Shade,
-    pictured,
-)
+from gapwalk.picture_parts import End, Line, NamedCurve, Panel, Parts, Picture, Series, Shade, pictured
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
@@ -725,13 +715,7 @@ def _parts_of_bands(found: RattleBands, moved: Mapping[str, str]) -> Parts:
         ],
         below=[each for gap in found.gaps for each in _severity_panels(found, gap)],
         ends=[
-            End(
-                f"{word} {end.value:.7g} {unit}".rstrip(),
-                end.kind,
-                end.special,
-                found._moved(end, 2),
-                gap,
-            )
+            End(f"{word} {end.value:.7g} {unit}".rstrip(), end.kind, end.special, found._moved(end, 2), gap)
             for gap, word, end in ends
         ],
         within={over: found.within},

@@ -15,13 +15,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import (
-    GapState,
-    SlowSweepOptions,
-    gap_state,
-    innermost,
-    watched,
-)
+from gapwalk.answers.gap_states import GapState, SlowSweepOptions, gap_state, innermost, watched
 from gapwalk.answers.rattle_bands import chosen_gap
 from gapwalk.attractors.basins import centres
 from gapwalk.attractors.settle import SettleOptions, settle
@@ -32,13 +26,7 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit, describe_switch
-from gapwalk.picture_parts import (
-    Cells,
-    Parts,
-    Picture,
-    curves_of_loci,
-    pictured,
-)
+from gapwalk.picture_parts import Cells, Parts, Picture, curves_of_loci, pictured
 from gapwalk.pieces import tell, workers_around
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
@@ -118,7 +106,7 @@ class RattleMap(Shown):
         if self.loci:
             yield ""
             rows = [
-                (str(locus.kind), _contact_of(locus), str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
+                (str(locus.kind), locus.contact, str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
                 for locus in self.loci
                 for low, high in [(float(locus.values[:, 0].min()), float(locus.values[:, 0].max()))]
             ]
@@ -164,10 +152,6 @@ def cell_word(code: int, is_periodic: bool) -> str:
     if code < 0:
         return "diverges" if code == -1 else "not done"
     return list(GapState)[code] + ("" if is_periodic else ", not periodic")
-
-
-def _contact_of(locus: Locus) -> str:
-    return getattr(locus, "contact", "") or ""
 
 
 def borders(

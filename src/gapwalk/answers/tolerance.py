@@ -9,7 +9,6 @@ the share of the variance that a polynomial of one parameter explains.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
@@ -26,7 +25,6 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.files import content_of
 from gapwalk.late_scipy import special_functions
 from gapwalk.model.channels.text_table import parse_csv
 from gapwalk.model.system import System
@@ -46,8 +44,6 @@ Array = NDArray[np.float64]
 
 MAX_PARTS = 1_000_000
 """Largest number of measured parts in a file."""
-MAX_BYTES = 500_000_000
-"""Largest size of such a file; a longer one is refused because its last row is cut."""
 
 _LEAST = 1e-10  # eigenvalue of a correlation matrix below which it counts as singular
 _ROUNDING = 1e-9  # by which a written correlation matrix may differ from a symmetric one
@@ -255,61 +251,9 @@ def spread_doubts(system: System, spreads: object) -> Iterator[str]:
             )
 
 
-def spread_in_percent(system: System, percent: float, parameters: Sequence[str]) -> tuple[Spread, ...]:
-    """Return normal laws about the values of a system, with standard deviations in percent of them.
-
-    Parameters
-    ----------
-    system
-        The system.
-    percent
-        Standard deviation in percent of the value.
-    parameters
-        Names of the parameters.
-
-    Returns
-    -------
-    tuple of Spread
-        One law for each parameter.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, or one that is zero.
-    """
-    return tuple(Spread(name, sd=abs(system[name]) * percent / 100.0, mean=system[name]) for name in parameters)
-
-
-def measured_parts(path: str | os.PathLike[str]) -> Spreads:
-    r"""Read measured parts from a CSV file: a line with names of parameters, then one row for each part.
-
-    The numbers are in the units of the model's parameters. Samples are drawn from the rows, so that whatever
-    correlates in them correlates in the samples.
-
-    Parameters
-    ----------
-    path
-        The file; its first line names the parameters.
-
-    Returns
-    -------
-    Spreads
-        Their joint distribution.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read, or an entry is no finite number.
-    """
-    try:
-        content = content_of(path, MAX_BYTES, "give fewer parts")
-    except ValueError as error:
-        raise ModelError(f"{os.fspath(path)} {error}") from None
-    return parts_in(content, os.fspath(path))
-
-
 def parts_in(content: bytes, name: str) -> Spreads:
-    """Read measured parts from the content of a CSV file of some name; see `measured_parts`."""
+    """Read measured parts from the content of a CSV file: a line with names of parameters, then a row for each part."""
+    # Samples are drawn from the rows, so that whatever correlates in them correlates in the samples.
     try:
         table = parse_csv(content, "stage2.clearance,mean.q1", MAX_PARTS)
         columns = table.numbers({name: place for place, name in enumerate(table.heads)})

@@ -370,13 +370,6 @@ class Tracker:
         state = unknowns[: len(self.asked.first.state)]
         return Mark(f, met.kind, met.contact, found[f].value, state, met.way)
 
-    def _allows(self, sample: Array) -> bool:
-        try:
-            self.asked.at(sample)
-        except ModelError:
-            return False
-        return True
-
     def walked(self, sample: Array) -> Branch | None:
         """Walk the branch of a sample; None if the walk fails."""
         asked = self.asked

@@ -107,6 +107,10 @@ class LaneMotion:
         """True if it has diverged."""
         return not np.isfinite(self.state).all()
 
+    def after(self, before: LaneMotion) -> LaneMotion:
+        """Return this motion with all periods of the one that it continues as part of its transient."""
+        return replace(self, waited=before.waited + before.watched + self.waited)
+
     def is_like(self, other: LaneMotion) -> bool:
         """Return True if both are the same motion, by what their gaps do and by their accelerations."""
         if self.diverged or other.diverged:
@@ -272,6 +276,23 @@ def settle_lanes(
             lanes.hasten()
     if failed:
         yield from settle_lanes(failed, next_start, width=width, finer=_FINER, slowest=slowest, gaps=gaps)
+
+
+def settled_again(
+    motions: Mapping[Any, LaneMotion],
+    system_at: Callable[[float], System],
+    *,
+    finer: float = 1.0,
+    watch: int = _WATCHED,
+    gaps: Sequence[str] = (),
+) -> dict[Any, LaneMotion]:
+    """Continue settled motions, each at its own value, with finer steps or a longer watch."""
+    starts = [
+        Start(key, motion.value, system_at(motion.value), motion.state, is_warm=True, watch=watch)
+        for key, motion in motions.items()
+    ]
+    systems = [start.system for start in starts]
+    return {start.key: motion for start, motion in settle_lanes(starts, finer=finer, slowest=systems, gaps=gaps)}
 
 
 def slow_places(system: System) -> list[int]:
@@ -536,7 +557,11 @@ class _Settling:
             return motion
         orbit = orbit_near(start.system, motion.period, motion.state) if motion.period else None
         if orbit is None:
-            return motion if finer > 1.0 else self._by_finer_steps(start, motion)
+            if finer > 1.0:
+                return motion
+            watch = max(motion.watched, _LOOK)
+            again = settled_again({0: motion}, lambda _: start.system, finer=_FINER, watch=watch, gaps=self.gaps)[0]
+            return motion if again.diverged else again.after(motion)
         sides, first = motion.sides.copy(), dict[tuple[int, float], int]()
         for switch, (contact, side, _) in enumerate(orbit.system.breakpoints):
             first.setdefault((contact, side), switch)
@@ -546,13 +571,6 @@ class _Settling:
         return replace(
             motion, sides=sides, parted=np.where(closes, np.maximum(motion.parted, 1.0), 0.0 * motion.parted)
         )
-
-    def _by_finer_steps(self, start: Start, motion: LaneMotion) -> LaneMotion:
-        """Return what finer steps make of a motion."""
-        again = start._replace(state=motion.state, known=(), is_warm=True, watch=max(motion.watched, _LOOK))
-        ((_, finer),) = settle_lanes([again], finer=_FINER, gaps=self.gaps)
-        before = motion.waited + motion.watched
-        return motion if finer.diverged else replace(finer, waited=before + finer.waited)
 
     def _is_there(self, lane: int, end: NDArray[np.float64]) -> bool:
         """Return True if the slow modes are where they end: one that oscillates slowly hardly changes as it turns."""

@@ -128,9 +128,7 @@ class _Moving(Protocol):
 
 
 def lyapunov(
-    system: System | _Moving,
-    start: NDArray[np.float64] | None = None,
-    options: LyapunovOptions | None = None,
+    system: System | _Moving, start: NDArray[np.float64] | None = None, options: LyapunovOptions | None = None
 ) -> Lyapunov:
     """Compute the Lyapunov exponents of a settled motion.
 

@@ -410,11 +410,7 @@ class BatchMotions:
             self._compare(which, before, blocks.states, places)
 
     def _compare(
-        self,
-        which: NDArray[np.intp],
-        before: NDArray[np.float64],
-        after: NDArray[np.float64],
-        places: NDArray[np.intp],
+        self, which: NDArray[np.intp], before: NDArray[np.float64], after: NDArray[np.float64], places: NDArray[np.intp]
     ) -> None:
         """Keep trials of some of the motions that were advanced, by their places among them."""
         for place in places.tolist():

@@ -336,12 +336,12 @@ class _RegimeJudge:
             self.found.states[which], peaks[which], impacts[which] = found[:3]
         self.found = self.found._replace(peaks=peaks, impacts=impacts)
 
-    def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:
+    def _find_returns(self, which: NDArray[np.intp], longest: int) -> NDArray[np.intp]:
         """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
         if not len(which):
             return which
         states, scales = self.found.states[which], 1.0 / self.weights[which]
-        self.found.states[which], periods = _returns(self.motions.part(which), states, scales, longest, after)
+        self.found.states[which], periods = _returns(self.motions.part(which), states, scales, longest, _FIRST)
         self._note(which, periods)
         return which[periods == 0]
 

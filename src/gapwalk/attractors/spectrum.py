@@ -615,12 +615,7 @@ class Sound(Described):
 
 
 def sound(
-    motion: Orbit | Settled,
-    signal: str,
-    seconds: float = 3.0,
-    *,
-    rate: int = RATE,
-    second: float | None = None,
+    motion: Orbit | Settled, signal: str, seconds: float = 3.0, *, rate: int = RATE, second: float | None = None
 ) -> Sound:
     """Compute the sound of a settled motion, at its true pitch and level.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -243,3 +244,11 @@ class Branch(Curve, Measured):
 
 def _rows(points: tuple[BranchPoint | SpecialPoint, ...]) -> Rows:
     return rows_of({**point_row(point), **motion_row(point.orbit)} for point in points)
+
+
+def named_by_period(branches: Iterable[Branch]) -> Iterator[tuple[str, Branch]]:
+    """Yield branches with their names, such as ``P2-1``: the first branch of period 2."""
+    counts: Counter[int] = Counter()
+    for branch in branches:
+        counts[branch.period] += 1
+        yield f"P{branch.period}-{counts[branch.period]}", branch

@@ -55,11 +55,7 @@ class BranchStart:
 
 
 def start_branch(
-    orbit: Orbit,
-    parameter: str,
-    to: float | tuple[float, float],
-    direction: int,
-    method: Method | None = None,
+    orbit: Orbit, parameter: str, to: float | tuple[float, float], direction: int, method: Method | None = None
 ) -> BranchStart:
     """Begin a branch at an orbit, towards larger (+1) or smaller (-1) values of a parameter."""
     start = orbit.system[parameter]

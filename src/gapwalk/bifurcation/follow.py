@@ -871,9 +871,9 @@ def _beginnings(
     return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 
 
-def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
+def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None) -> Branch:
     """Return the whole branch from one beginning, or from two at one point in opposite directions."""
-    return _tracing(beginnings, walk).to_end(join, report)
+    return _tracing(beginnings, walk).to_end(join)
 
 
 def _tracing(

@@ -170,10 +170,10 @@ class _Piece(NamedTuple):
         yield from shares[(shares >= -1e-9) & (shares <= 1.0 + 1e-9)].tolist()
 
 
-def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
+def lies_on(branch: Branch, orbit: Orbit) -> bool:
     """Return True if an orbit lies on a branch, possibly with a start at a later forcing period."""
     # To compare many orbits with one branch, `Curve(branch).holds` is faster.
-    return Curve(branch).holds(orbit, tolerance)
+    return Curve(branch).holds(orbit)
 
 
 class StateSpace:

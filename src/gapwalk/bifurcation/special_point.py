@@ -918,24 +918,11 @@ class SpecialPoint(Shown):
     ('opens to lower values', True)
     """
 
-    _row: ClassVar = {
-        "kind": "kind",
-        "parameter": "value",
-        "uncertainty": "uncertainty",
-        "before": "before.label",
-        "after": "after.label",
-        "unstable.before": "before.total",
-        "unstable.after": "after.total",
-        "multiplier": "multiplier",
-        "stability": "change",
-        "multiplicity": "multiplicity",
-        "nature": "nature",
-        "coefficient": "coefficient",
-        "judged": "judged",
-        "beyond": "beyond_words",
-        "contact": "contact",
-        "contacts": "orbit.pattern",
-    }
+    _row: ClassVar = (
+        "kind parameter=value uncertainty before=before.label after=after.label unstable.before=before.total "
+        "unstable.after=after.total multiplier stability=change multiplicity nature coefficient judged "
+        "beyond=beyond_words contact contacts=orbit.pattern"
+    )
 
     kind: Kind  #: Kind of the special point.
     point: BranchPoint  #: The located point of the branch.

@@ -371,13 +371,7 @@ class _Corner:
             contact,
             parameter=self._corrector.equation.parameter or "",
         )
-        point = replace(
-            last,
-            tangent=ahead,
-            determinant=sign * last.determinant,
-            arclength=arclength + length,
-            memo={},
-        )
+        point = replace(last, tangent=ahead, determinant=sign * last.determinant, arclength=arclength + length, memo={})
         return GrazePassage(point, [special], length)
 
     def _growth(self, label: float) -> float:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable
 from functools import wraps
-from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -45,6 +45,10 @@ Force = Annotated[bool, _SWITCH, Parameter(alias="-f")]
 Json = Annotated[bool, _SWITCH, Parameter(alias="-j", help="Print one JSON document.")]
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Quiet = Annotated[bool, _SWITCH, Parameter(alias="-q", help="Print only errors, and what --json asks for.")]
+_ON_ALL = (
+    inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),
+    inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug),
+)
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 Names = Annotated[list[str] | None, Parameter(negative=())]
 Output = Annotated[Path | None, Parameter(alias="-o")]
@@ -54,7 +58,8 @@ _PARAGRAPH = re.compile(r"^( *)(?![ -]).+(?:\n\1(?![ -]).+)+", re.M)  # its line
 def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Add a function to the commands: its errors are reported, in JSON if that is wanted, and become exit codes.
 
-    The examples are shown below its help, each with a comment after ``#``.
+    A function without a parameter ``debug`` gets the options that all commands have. The examples are shown below its
+    help, each with a comment after ``#``.
     """
     shown = "\n".join(["Examples:", "", *(f"  {example}" for example in examples), "", EXIT_CODES])
 
@@ -65,25 +70,24 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
 
             return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug, quiet=quiet)
 
-        guarded.__doc__ = _PARAGRAPH.sub(lambda each: each[1] + " ".join(each[0].split()), cleandoc(job.__doc__ or ""))
+        guarded.__doc__ = _PARAGRAPH.sub(
+            lambda each: each[1] + " ".join(each[0].split()), inspect.cleandoc(job.__doc__ or "")
+        )
+        own = inspect.signature(job)
+        if "debug" not in own.parameters:
+            everything = own.replace(parameters=[*own.parameters.values(), *_ON_ALL])
+            guarded.__signature__ = everything  # type: ignore[attr-defined]
         return app.command(guarded, sort_key=sort_key, help_epilogue=shown)
 
     return add
 
 
-@command(
-    1,
-    "gapwalk new rattle.toml",
-    "gapwalk new neutral-rattle",
-    "gapwalk new train.toml --from train.csv",
-)
+@command(1, "gapwalk new rattle.toml", "gapwalk new neutral-rattle", "gapwalk new train.toml --from train.csv")
 def new(
     file: Path | None = None,
     /,
     *,
     table: Annotated[Path | None, Parameter(name="--from")] = None,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Write a template of a model file; its comments explain every key. Or make one from the table of a drive train.
 
@@ -114,8 +118,6 @@ def check(
     changes: Changes = None,
     picture: Path | None = None,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Check a model file; print a summary, or everything that is wrong with it.
 
@@ -133,11 +135,7 @@ def check(
     return check_file(file, changes or [], picture, json=json)
 
 
-@command(
-    3,
-    "gapwalk modes examples/drivetrain.toml",
-    "gapwalk modes examples/train.toml --picture modes.png",
-)
+@command(3, "gapwalk modes examples/drivetrain.toml", "gapwalk modes examples/train.toml --picture modes.png")
 def modes(
     file: Path,
     /,
@@ -145,8 +143,6 @@ def modes(
     changes: Changes = None,
     picture: Path | None = None,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Show the static equilibria of a system under its mean load, its open clearances there, and its natural modes.
 
@@ -183,8 +179,6 @@ def run(
     force: Force = False,
     scheduler: str | None = None,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
 
@@ -239,8 +233,6 @@ def show(
     points: Flag = False,
     gradients: Flag = False,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
 
@@ -280,8 +272,6 @@ def export(
     full_scale: float | None = None,
     title: Annotated[bool, Parameter(show_default=False)] = True,
     legend: Annotated[bool, Parameter(show_default=False)] = True,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Write the tables, the picture or the sound of a result file, or a web page with its diagram and motions (html).
 
@@ -333,8 +323,6 @@ def compare(
     measure: str | None = None,
     changes: Changes = None,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Compare two results, for example of two methods: their distance, and what only one of them contains.
 
@@ -361,11 +349,8 @@ def compare(
     return compare_files(first, second, tolerance, **options)
 
 
-@command(
-    6,
-    "gapwalk verify rattle.gapwalk",
-)
-def verify(result: Path, /, *, json: Json = False, quiet: Quiet = False, debug: Debug = False) -> int:
+@command(6, "gapwalk verify rattle.gapwalk")
+def verify(result: Path, /, *, json: Json = False) -> int:
     """Check a result by independent means: orbits, gaps between them, special points, and counts.
 
     The exit code is 0 if all checks pass, and 5 if one fails.
@@ -394,8 +379,6 @@ def measure(
     changes: Changes = None,
     output: Output = None,
     json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Compare a measured record with the computed motion, and fit parameters to it; or fit them to measured jumps.
 
@@ -436,8 +419,6 @@ def explore(
     port: int = 0,
     host: str = "127.0.0.1",
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Open a model or a result in the browser: its diagram grows during the computation, any point shows its motion.
 
@@ -497,8 +478,6 @@ def docs(
     /,
     *,
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
-    quiet: Quiet = False,
-    debug: Debug = False,
 ) -> int:
     """Open the documentation in the browser: the copy of this version, without a network.
 

@@ -198,12 +198,7 @@ def _number(value: float) -> str:
 
 
 def _document(
-    title: str,
-    system: System,
-    rest: Rest,
-    closed: Modes | None,
-    fixed: dict[Clearances, Modes],
-    picture: Path | None,
+    title: str, system: System, rest: Rest, closed: Modes | None, fixed: dict[Clearances, Modes], picture: Path | None
 ) -> dict[str, Any]:
     return {
         "title": title,

@@ -40,13 +40,7 @@ class ProgressLine:
     """
 
     def __init__(
-        self,
-        first: str,
-        words: Words,
-        *,
-        bar: bool = True,
-        total: float | None = None,
-        show: bool = True,
+        self, first: str, words: Words, *, bar: bool = True, total: float | None = None, show: bool = True
     ) -> None:
         screen, show = console(stderr=True), show and not output.is_quiet
         self._words, self._text = words, (first, "")

@@ -307,11 +307,7 @@ class Corrector:
         self.is_dear: bool = getattr(equation, "is_dear", False)
 
     def correct(
-        self,
-        guess: NDArray[np.float64],
-        normal: NDArray[np.float64],
-        trust: float = 0.0,
-        near: float = math.inf,
+        self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0, near: float = math.inf
     ) -> Correction | None:
         """Return the point of the branch in the plane through `guess` with that `normal`; None if Newton fails."""
         # Once the residual is within the tolerance (or within `trust`, if that is larger), one more short step is taken

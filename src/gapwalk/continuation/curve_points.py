@@ -36,12 +36,7 @@ class BranchPoint(LateFields, OrbitOnCurve):
     """One orbit on a branch."""
 
     _late: ClassVar[tuple[str, ...]] = ("tangent", "determinant")
-    _row: ClassVar = {
-        "parameter": "value",
-        "stable": "stable",
-        "instability": "instability.label",
-        "contacts": "orbit.pattern",
-    }
+    _row: ClassVar = "parameter=value stable instability=instability.label contacts=orbit.pattern"
 
     value: float  #: Value of the parameter that is followed.
     orbit: Orbit  #: The orbit; its system carries all parameter values.

@@ -360,12 +360,12 @@ class Walk(Iterator[BranchPoint]):
             return None, 0.0
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length_of(chord))
         first, last = self._tangent(self.point), self._tangent(point)
-        turn = _angle(first, last)
+        turn = angle(first, last)
         if turn > self.options.largest_turn:
             return None, turn
         # on a smooth curve the chord lies between the two tangents; if not, the point is on another branch
         along = _unit(self._weighed(chord))
-        if _angle(first, along) + _angle(along, last) > turn + _ASIDE:
+        if angle(first, along) + angle(along, last) > turn + _ASIDE:
             return None, 0.0
         return point, turn
 
@@ -432,7 +432,7 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return vector / length_of(vector)
 
 
-def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))
 

@@ -658,12 +658,7 @@ class JenkinsSource:
     """Writer of the lines for the extension and the force of one Jenkins element."""
 
     def __init__(
-        self,
-        slots: ContactSlots,
-        number: Callable[[int], Any],
-        active: Callable[[int], bool],
-        sheet: Sheet,
-        span: Term,
+        self, slots: ContactSlots, number: Callable[[int], Any], active: Callable[[int], bool], sheet: Sheet, span: Term
     ) -> None:
         law = slots.form.law
         assert isinstance(law, Friction)
@@ -899,9 +894,7 @@ class RigidSource:
         curve, excess = (after - before) - slope, (after - before) - span * 0.5 * (rate + last)
         root = FUNCTIONS["sqrt"](greatest(slope * slope - 4.0 * (curve * before), 0.0))
         at = either(
-            sheet.write("{} > 0.0", slope),
-            before * -2.0 / (slope + root),
-            (root - slope) / (curve * 2.0 + _TINY),
+            sheet.write("{} > 0.0", slope), before * -2.0 / (slope + root), (root - slope) / (curve * 2.0 + _TINY)
         )
 
         def value(at: Any) -> Any:

@@ -53,7 +53,7 @@ class RampLanes(Lanes):
         sampled: bool = False,
         finer: float = 1.0,
     ) -> None:
-        self._ramped, structure = ramped, ramped.system.structure
+        structure = ramped.system.structure
         rates = np.zeros(ramped.growth.shape[1])
         rates[ramped.means] = ramped.carried
         varied = (ramped.growth[1:] != 0.0).any(axis=0) | (rates != 0.0)

@@ -214,9 +214,7 @@ class HeardRequests:
         result = _field(request, "result") or os.path.splitext(_field(request, "file"))[0]
         name = quote(f"{result}-{found.signal}.wav".replace("'", "-dot").replace("/", "-"), errors="replace")
         return Response(
-            content,
-            media_type="audio/wav",
-            headers={"content-disposition": f"attachment; filename*=utf-8''{name}"},
+            content, media_type="audio/wav", headers={"content-disposition": f"attachment; filename*=utf-8''{name}"}
         )
 
     async def records(self, request: Request) -> Response:

@@ -199,11 +199,7 @@ class Session:
         return {
             "server": self.mark,
             "explorations": {
-                name: {
-                    "stamp": exploration.stamp(),
-                    "results": listed(exploration),
-                    "deleted": deleted(exploration),
-                }
+                name: {"stamp": exploration.stamp(), "results": listed(exploration), "deleted": deleted(exploration)}
                 for name, exploration in explorations.items()
             },
         }

@@ -542,12 +542,7 @@ _GRACE = 1  # seconds that open connections have when the server ends
 
 
 def serve(
-    file: Path | None,
-    host: str = "127.0.0.1",
-    port: int = 0,
-    *,
-    browser: bool = True,
-    engine: Engine | None = None,
+    file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser: bool = True, engine: Engine | None = None
 ) -> None:
     """Serve the explorer until Ctrl-C."""
     root, name = _workspace(file)

@@ -35,13 +35,9 @@ _PLAIN = "response"  # the kind of study whose titles need not name it
 def along_words(system: System, parameter: str, begin: float, end: float) -> str:
     """Write the range of a walk: ``speed 3000 to 800 rpm``."""
     units = system.units
-    words = f"{name_words(system, parameter)} {begin:.6g} to {end:.6g}"
+    name = parameter_symbol(parameter, units).partition(" [")[0]
+    words = f"{name} {begin:.6g} to {end:.6g}"
     return " ".join(filter(None, (words, units and units.parameter(parameter))))
-
-
-def name_words(system: System, parameter: str) -> str:
-    """Write the name of a parameter without its unit."""
-    return parameter_symbol(parameter, system.units).partition(" [")[0]
 
 
 def walks_of(study: Study) -> list[str]:

@@ -263,7 +263,8 @@ class Switchboard(BreakpointGeometry):
         self._parameters[self._first + switch] = self._inside[switch] = inside
         if self.dry.count:
             self.dry.closed = self._closed()
-        self._refresh_modes(theta)
+        if self.modes.mode_count:
+            self.modes.refresh(theta, self._closed())
 
     def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
         """Return True if an event follows the last change of its switch within time or distance that is rounding."""
@@ -283,10 +284,6 @@ class Switchboard(BreakpointGeometry):
         """Return the product of speed and angle of a motion that has hardly left a breakpoint."""
         near = 4.0 * _ON * (self._scales[switch] + self._size(self._moving.tolist()))
         return near / float(self._coefficients[0])
-
-    def _refresh_modes(self, theta: float) -> None:
-        if self.modes.mode_count:
-            self.modes.refresh(theta, self._closed())
 
     def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
         """Set those of some other switches whose breakpoints are crossed at the same time."""

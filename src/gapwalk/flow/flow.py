@@ -22,12 +22,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable_masks
-from gapwalk.flow.contact_events import (
-    ContactEvent,
-    Switchboard,
-    Turn,
-    TurningPoints,
-)
+from gapwalk.flow.contact_events import ContactEvent, Switchboard, Turn, TurningPoints
 from gapwalk.flow.equations import Equations, LengthUnit
 from gapwalk.flow.event_rule import jump_of
 from gapwalk.flow.forces import CompiledReadings
@@ -409,12 +404,7 @@ class _Integrator:
         return self.vary(coefficients, state, thetas, None, restarts)
 
     def vary(
-        self,
-        coefficients: Array,
-        state: Array,
-        thetas: Array,
-        direction: Array | None = None,
-        restarts: Restarts = (),
+        self, coefficients: Array, state: Array, thetas: Array, direction: Array | None = None, restarts: Restarts = ()
     ) -> Variations:
         """Return states and their derivatives at the increasing `thetas`; parameters as in `sample` and `integrate`."""
         # For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.

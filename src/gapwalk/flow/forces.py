@@ -260,10 +260,7 @@ def contact_forces(
 
 
 def contact_force(
-    slots: ContactSlots,
-    angles: Angles,
-    moves: Sequence[tuple[NDArray, NDArray]],
-    closed: Sequence[bool] | None = None,
+    slots: ContactSlots, angles: Angles, moves: Sequence[tuple[NDArray, NDArray]], closed: Sequence[bool] | None = None
 ) -> NDArray:
     """Compute the force of one contact by its law."""
     law, unit = slots.form.law, angles.unit

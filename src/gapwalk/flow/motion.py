@@ -346,21 +346,13 @@ class ContactRecord:
 
 @overload
 def integrate(
-    system: System,
-    start: NDArray[np.float64],
-    periods: float = 1.0,
-    samples: int = 256,
-    phase: float = 0.0,
+    system: System, start: NDArray[np.float64], periods: float = 1.0, samples: int = 256, phase: float = 0.0
 ) -> Motion: ...
 
 
 @overload
 def integrate(
-    system: System,
-    start: Sequence[NDArray[np.float64]],
-    periods: float = 1.0,
-    samples: int = 256,
-    phase: float = 0.0,
+    system: System, start: Sequence[NDArray[np.float64]], periods: float = 1.0, samples: int = 256, phase: float = 0.0
 ) -> tuple[Motion, ...]: ...
 
 
@@ -520,12 +512,7 @@ def signal_factor(system: System, name: str) -> float:
 
 
 def assembled_histories(
-    system: System,
-    theta: NDArray | float,
-    q: NDArray,
-    v: NDArray,
-    a: NDArray,
-    forces: NDArray,
+    system: System, theta: NDArray | float, q: NDArray, v: NDArray, a: NDArray, forces: NDArray
 ) -> NDArray:
     """Compute all signals of `assembled_signals`, shape (samples, signals), real or complex."""
     # Shapes: `theta` (samples,); `q`, `v`, `a` (samples, n); `forces` (samples, contacts).

@@ -37,13 +37,7 @@ class BackbonePoint:
     """One free vibration."""
 
     stuck = ()  # contacts whose friction never slips
-    _row: ClassVar = {
-        "frequency": "value",
-        "energy": "energy",
-        "amplitude": "amplitude",
-        "stable": "stable",
-        "touches": "touches",
-    }
+    _row: ClassVar = "frequency=value energy amplitude stable touches"
 
     value: float  #: The frequency, in the unit of the model.
     #: start, rates: shape (n,): Positions and velocities at the start: at rest, if there are no gyroscopic terms.
@@ -79,13 +73,7 @@ class BackbonePoint:
 class BackboneEvent(CurveEvent):
     """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses."""
 
-    _row: ClassVar = {
-        "kind": "kind",
-        "frequency": "point.value",
-        "uncertainty": "uncertainty",
-        "energy": "point.energy",
-        "amplitude": "point.amplitude",
-    }
+    _row: ClassVar = "kind frequency=point.value uncertainty energy=point.energy amplitude=point.amplitude"
 
     kind: str  #: What happens.
     point: BackbonePoint  #: The free vibration.

@@ -44,14 +44,7 @@ class RestPoint:
     """One equilibrium."""
 
     stuck = ()  # contacts whose friction never slips
-    _row: ClassVar = {
-        "parameter": "value",
-        "stable": "stable",
-        "unstable": "unstable",
-        "growth": "growth",
-        "frequency": "frequency",
-        "contacts": "pattern",
-    }
+    _row: ClassVar = "parameter=value stable unstable growth frequency contacts=pattern"
 
     value: float  #: Value of the parameter.
     position: NDArray[np.float64]  #: shape (n,): The coordinates.
@@ -94,17 +87,10 @@ class RestPoint:
 class RestEvent(CurveEvent):
     """Equilibrium at which something changes."""
 
-    _row: ClassVar = {
-        "kind": "kind",
-        "parameter": "point.value",
-        "uncertainty": "uncertainty",
-        "unstable.before": "before",
-        "unstable.after": "after",
-        "frequency": "frequency",
-        "contact": "contact",
-        "closes": "closes",
-        "turns": "turns",
-    }
+    _row: ClassVar = (
+        "kind parameter=point.value uncertainty unstable.before=before unstable.after=after frequency contact "
+        "closes turns"
+    )
 
     kind: str  #: What changes.
     point: RestPoint  #: The equilibrium.
@@ -227,12 +213,7 @@ class RestEquation:
         moved = accelerations(layout, coefficients + 1j * _STEP * slope, 0.0, unknowns + 0j, rest)
         stiffness, damping = self.matrices(unknowns, value)
         by_parameter = -np.imag(moved) / _STEP / self._square
-        found = Evaluation(
-            -np.real(moved) / self._square,
-            stiffness / self._square,
-            by_parameter,
-            (stiffness, damping),
-        )
+        found = Evaluation(-np.real(moved) / self._square, stiffness / self._square, by_parameter, (stiffness, damping))
         if not all(np.isfinite(each).all() for each in (found.residual, found.by_unknowns, by_parameter)):
             raise FlowError("a force has no finite value or slope at rest")
         return found

@@ -179,16 +179,7 @@ _FLAT = 1e-6  # relative change of the amplitude within which a minimum is round
 class IslandBirth:
     """Place at which an isolated branch is born, or joins another one, as a backbone foretells it."""
 
-    _row: ClassVar = {
-        "mode": "mode",
-        "harmonic": "harmonic",
-        "period": "period",
-        "what": "what",
-        "amplitude": "amplitude",
-        "uncertainty": "uncertainty",
-        "frequency": "frequency",
-        "swing": "point.amplitude",
-    }
+    _row: ClassVar = "mode harmonic period what amplitude uncertainty frequency swing=point.amplitude"
 
     harmonic: int  #: Harmonic of the free vibration that the load drives.
     period: int  #: Forcing periods after which the motion repeats.
@@ -262,10 +253,7 @@ class Foretold(Shown):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of births, and of the amplitudes along the backbone."""
-        return {
-            "births": lambda: rows_of(map(row_of, self.births)),
-            "amplitudes": lambda: rows_of(self._along()),
-        }
+        return {"births": lambda: rows_of(map(row_of, self.births)), "amplitudes": lambda: rows_of(self._along())}
 
     def _along(self) -> list[dict[str, Any]]:
         names = [f"amplitude.{harmonic}" for harmonic in self.harmonics]

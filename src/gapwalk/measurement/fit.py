@@ -57,6 +57,14 @@ class Estimate(NamedTuple):
         return with_error(self.value, self.error, 6, figures=2) if known else f"{self.value:.6g} (undetermined)"
 
 
+def estimate_of(estimates: Sequence[Estimate], name: str) -> Estimate:
+    """Return the estimate of one parameter."""
+    for estimate in estimates:
+        if estimate.name == name:
+            return estimate
+    raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in estimates)}")
+
+
 class Evidence(NamedTuple):
     """Words of the data to which parameters are fitted."""
 
@@ -417,10 +425,7 @@ class Fit(Shown):
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of one parameter."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
+        return estimate_of(self.estimates, name)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{each.name} = {each}" for each in self.estimates)

@@ -84,10 +84,7 @@ IDEAS = (
         "sweep_?rate|run_?up|transient\\w*",
         'loads repeat with the excitation, whose speed may change in a [[study]] of the kind "run-up"',
     ),
-    Idea(
-        "noise|random|psd|stochastic",
-        "loads repeat with the excitation; noise cannot be modelled",
-    ),
+    Idea("noise|random|psd|stochastic", "loads repeat with the excitation; noise cannot be modelled"),
     Idea("gyroscopic|coriolis", "gyroscopic terms belong in the matrix damping, which need not be symmetric"),
     Idea(
         "control\\w*|feedback|pid",

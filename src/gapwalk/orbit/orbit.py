@@ -674,10 +674,10 @@ class Orbit(LateFields, Shown):
         )
 
 
-def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
+def true_period(orbit: Orbit) -> int:
     """Return the smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
     states = stroboscopic(orbit)
-    near = _distances(states, orbit) <= tolerance
+    near = _distances(states, orbit) <= SAME
     return next((k for k in range(1, orbit.period) if orbit.period % k == 0 and near[k]), orbit.period)
 
 

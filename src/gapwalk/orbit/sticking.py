@@ -128,10 +128,7 @@ class FrictionGauge:
         if (host := self.layout.structure.host(self.contact)) is not None:
             outside = self.layout.contacts[host]
             vector = coefficients[outside.deflection]
-            move = (
-                y[..., :n] @ vector + angles.sway(outside),
-                y[..., n : 2 * n] @ vector + angles.sway(outside, 0, 1),
-            )
+            move = (y[..., :n] @ vector + angles.sway(outside), y[..., n : 2 * n] @ vector + angles.sway(outside, 0, 1))
             stages.host = Host(stages_of(outside, angles, [move]), contact_force(outside, angles, [move]))
         if self.memory is not None:
             force = numbers["stiffness"] * y[..., 2 * n + self.memory]

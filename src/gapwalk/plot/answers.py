@@ -401,10 +401,7 @@ def _write_notes(ax: Axes, series: Sequence[Series], shade: Shade | None) -> Non
 
 _BELOW = 80.0  # dB below the highest level that cuts show
 _DELAY = color_of("tint-late")
-_CUTS: Any = (
-    *((each.color, 1.3, each.dashes) for each in SEVERAL),
-    (BLACK, 1.0),
-)  # the loudest orders
+_CUTS: Any = (*((each.color, 1.3, each.dashes) for each in SEVERAL), (BLACK, 1.0))  # the loudest orders
 _OTHERS: Any = (GREY, 0.4)
 _LEVELS: Any = (("#b3b3b3", 3.2), (color_of("tint-one-wild"), 1.6))  # overall, below all others, and rattle
 _FINE_HISTORY = 40_000  # points of a history up to which all are drawn
@@ -569,11 +566,7 @@ _NARROW = 0.05  # share of the range below which the widest distribution is a ne
 _SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
 
 
-def _tolerance_size(found: Tolerance, measure: str = "", **_: object) -> tuple[float, float]:
-    return 8.0, 5.4 + 0.5 * len(found.points)
-
-
-@draws(Tolerance, panels=True, size=_tolerance_size)
+@draws(Tolerance, panels=True, size=lambda found, *_, **__: (8.0, 5.4 + 0.5 * len(found.points)))
 def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, title: str | None = None) -> Finish:
     """Draw the nominal response, below it the distribution of each special point, and bars of Sobol indices."""
     rows = max(1, len(found.points))
@@ -676,11 +669,7 @@ def _rows(found: Scan) -> list[int]:
     return [0, *(index for index in found.best[:_ROWS] if found.scores[index] > 0)]
 
 
-def _scan_size(found: Scan, **_: object) -> tuple[float, float]:
-    return 9.0, 2.6 + 0.34 * (len(_rows(found)) + len(found.claims))
-
-
-@draws(Scan, panels=True, size=_scan_size)
+@draws(Scan, panels=True, size=lambda found, **_: (9.0, 2.6 + 0.34 * (len(_rows(found)) + len(found.claims))))
 def draw_scan(found: Scan, figure: AnyFigure, *, title: str | None = None) -> Finish | None:
     """Draw a table of the best variations and claims, and beside it the shares of variations by number of claims."""
     claims = [f"claim {number}: {said(claim)}" for number, claim in enumerate(found.claims, start=1)]

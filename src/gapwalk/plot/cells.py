@@ -234,19 +234,14 @@ def _rigid(found: Regimes) -> NDArray[np.bool_]:
     return np.array([form.law.rebounds for form in found.system.structure.contacts][: found.peak_force.shape[2]])
 
 
-def _axes_words(found: Regimes) -> tuple[str, str]:
-    return parameter_words(found.first, found.system.units), parameter_words(found.second, found.system.units)
-
-
 def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes) -> None:
     """Draw the peak force or the impacts per period of one contact in the plane, with a colour scale."""
     place = _contact_index(found, which, contact)
     name = found.system.structure.contacts[place].name
     cells = (found.peak_force if which == "peak force" else found.impacts)[..., place]
     top = float(np.nanquantile(cells, 0.998)) if np.isfinite(cells).any() else 1.0
-    image = _fill(
-        ax, cells, found.within, _axes_words(found), cmap=_FORCES, vmin=0.0, vmax=max(top, np.finfo(float).tiny)
-    )
+    axes = parameter_words(found.first, found.system.units), parameter_words(found.second, found.system.units)
+    image = _fill(ax, cells, found.within, axes, cmap=_FORCES, vmin=0.0, vmax=max(top, np.finfo(float).tiny))
     text = f"peak force of {name}" if which == "peak force" else f"impacts of {name} per forcing period"
     ax.figure.colorbar(image, ax=ax, label=text, pad=0.015, fraction=0.05, extend="max")
 

@@ -81,11 +81,8 @@ def _set_spectrum(ax: Axes, top: float, heights: tuple[float, float], signal: st
 # ------------------------------------------------------------------------------------------------------ two motions
 
 
-def _contrast_size(found: Contrast, **_: object) -> Inches:
-    return 9.5, 2.9 * len(found.pairs) + 0.5  # a row for each signal, and title and legend
-
-
-@draws(Contrast, panels=True, size=_contrast_size)
+# a row for each signal, and title and legend
+@draws(Contrast, panels=True, size=lambda found, **_: (9.5, 2.9 * len(found.pairs) + 0.5))
 def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = None) -> None:
     """Draw two motions for comparison, a row for each signal: histories on the left, spectra on the right."""
     axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])

@@ -156,11 +156,7 @@ def draw_system(system: System, figure: AnyFigure, points: Points | None = None,
 
 
 def _draw_panels(
-    system: System,
-    figure: AnyFigure,
-    found: Characteristics,
-    panels: Sequence[ForceCurve | AngleCurve],
-    points: Points,
+    system: System, figure: AnyFigure, found: Characteristics, panels: Sequence[ForceCurve | AngleCurve], points: Points
 ) -> None:
     """Draw forces over deflections and numbers over the angle."""
     columns = _columns(len(panels))

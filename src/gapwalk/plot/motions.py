@@ -367,12 +367,7 @@ def fill_waterfall(
         pitch = np.interp(ends, places, found.pitch)
         ends, upwards = np.broadcast_to(ends, (len(upwards), len(ends))), np.outer(upwards, pitch)
     mesh = ax.pcolormesh(
-        ends,
-        upwards,
-        cells,
-        norm=norm,
-        cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"),
-        rasterized=True,
+        ends, upwards, cells, norm=norm, cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"), rasterized=True
     )
     for turn in turns:
         ax.axvline(float(places[turn]), **GUIDE.options())
@@ -407,11 +402,7 @@ def _marks(
     return shown
 
 
-def _modes_size(modes: Modes, **_: object) -> Inches:
-    return WIDE[0], 0.8 + 1.05 * min(len(modes), _MODES)
-
-
-@draws(Modes, panels=True, size=_modes_size)
+@draws(Modes, panels=True, size=lambda modes, **_: (WIDE[0], 0.8 + 1.05 * min(len(modes), _MODES)))
 def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = "") -> None:
     """Draw the modes of lowest frequency, one panel each: along the inertias of a drive train, or by coordinates."""
     write_heading(figure, title)
@@ -464,11 +455,7 @@ _ROW = 0.34  # inches of a row of the strip
 _MOST = 4  # loops in a row
 
 
-def _phases_size(found: StickSlip, **_: object) -> Inches:
-    return 7.0, 5.2 + _ROW * len(found.elements)
-
-
-@draws(StickSlip, panels=True, size=_phases_size)
+@draws(StickSlip, panels=True, size=lambda found, **_: (7.0, 5.2 + _ROW * len(found.elements)))
 def draw_stick_slip(
     found: StickSlip, figure: AnyFigure, signal: str | None = None, *, loops: tuple[str, ...] | None = None
 ) -> None:
@@ -511,11 +498,7 @@ def draw_strip(found: StickSlip, ax: Axes, above: Axes) -> None:
     above.legend(handles=entries, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
 
 
-def _energy_size(book: Energy, **_: object) -> Inches:
-    return 6.4, 1.3 + 0.32 * (len(book.work) + len(book.losses))
-
-
-@draws(Energy, size=_energy_size)
+@draws(Energy, size=lambda book, **_: (6.4, 1.3 + 0.32 * (len(book.work) + len(book.losses))))
 def draw_energy(book: Energy, ax: Axes, *, power: bool = False) -> None:
     """Draw a bar for each load that does work, and for each element that takes energy."""
     rows = [(each, FIRST) for each in book.work] + [(each, SECOND) for each in book.losses]
@@ -549,11 +532,7 @@ _FINE = 400  # points of a curve
 _ANGLES = 48  # angles of the excitation in a picture in space, per forcing period
 
 
-def _torus_size(torus: Torus, *_: object, **__: object) -> Inches:
-    return 3.2 * min(torus.curves, _MOST) + 4.4, 4.2
-
-
-@draws(Torus, panels=True, size=_torus_size)
+@draws(Torus, panels=True, size=lambda torus, *_, **__: (3.2 * min(torus.curves, _MOST) + 4.4, 4.2))
 def draw_torus(torus: Torus, figure: AnyFigure, coordinate: str = "", *, title: str = "") -> None:
     """Draw each curve of a torus in the stroboscopic section, and the torus in space."""
     names, units = torus.system.coordinates, torus.system.units

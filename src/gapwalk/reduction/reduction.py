@@ -90,9 +90,7 @@ class Basis:
         stiffness[b:, b:] = np.diag(self.squares)
         mass[b:, b:] = np.eye(len(self.squares))
         return replace(
-            small,
-            mass=sp.csc_array(0.5 * (mass + mass.T)),
-            stiffness=sp.csc_array(0.5 * (stiffness + stiffness.T)),
+            small, mass=sp.csc_array(0.5 * (mass + mass.T)), stiffness=sp.csc_array(0.5 * (stiffness + stiffness.T))
         )
 
 

@@ -41,6 +41,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.balance import BalancedOrbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Rows
 
 # Bytes of a stored value: its arrays, one after the other, in the order in which its JSON refers to them.
 
@@ -800,6 +801,12 @@ def plain(value: Any) -> Any:
         case _ if is_dataclass(value):
             return _plain_record(value)
     return value
+
+
+def plain_rows(rows: Rows) -> list[dict[str, Any]]:
+    """Return the rows of a table, the first of them its headings, as plain JSON values by their headings."""
+    headings, *others = rows
+    return [dict(zip(map(str, headings), plain(tuple(row)), strict=True)) for row in others]
 
 
 def _plain_record(record: Any) -> dict[str, Any]:

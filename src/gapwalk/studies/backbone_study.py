@@ -16,9 +16,10 @@ from gapwalk.free.free_shooting import without_losses
 from gapwalk.free.island_births import Backbones, IslandBirth, check_load, foretell
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.run_up_study import Speed
-from gapwalk.studies.study_kind import Found, Job, StudyKind, plain_numbers
+from gapwalk.studies.study_kind import Found, Job, StudyKind
 from gapwalk.summary import row_of
 
 LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
@@ -117,10 +118,6 @@ class BackboneStudy(StudyKind):
         if [number for number, _, _ in lines] != [*range(len(lines))] or len(lines) > self.total(job):
             raise ValueError("the backbones do not belong to the study")
 
-    def is_complete(self, job: Job) -> bool:
-        """Return True if all backbones are known."""
-        return self.done(job) == self.total(job)
-
     def done(self, job: Job) -> int:
         """Return the number of backbones that are done."""
         return len(job.known[LINE])
@@ -139,18 +136,15 @@ class BackboneStudy(StudyKind):
     def document(self, found: Backbones, points: bool) -> dict[str, Any]:
         """Return events and ends as JSON values; with all points if wanted."""
         document: dict[str, Any] = {"backbones": [self._line(line, points) for line in found.lines]}
-        births = [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in found.births]
+        births = [plain(row_of(each)) for each in found.births]
         return {**document, "births": births} if births else document
 
     def _line(self, line: Backbone, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
             "mode": line.mode,
-            "events": [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in line.events],
+            "events": [plain(row_of(each)) for each in line.events],
             "ends": [{"reason": end.reason_words, "frequency": end.value} for end in line.ends],
         }
         if points:
-            document["points"] = [
-                {name: plain_numbers(value) for name, value in row_of(each).items()} | {"start": each.start.tolist()}
-                for each in line.points
-            ]
+            document["points"] = [plain(row_of(each)) | {"start": each.start.tolist()} for each in line.points]
         return document

@@ -284,10 +284,7 @@ class BasinWork(CellWork):
 
 
 def _sort_fast(
-    system: System,
-    signatures: tuple[AttractorSignature, ...],
-    longest: int,
-    piece: tuple[int, NDArray[np.float64]],
+    system: System, signatures: tuple[AttractorSignature, ...], longest: int, piece: tuple[int, NDArray[np.float64]]
 ) -> BasinChunk:
     """Sort the states of a chunk by the batch integrator."""
     number, states = piece

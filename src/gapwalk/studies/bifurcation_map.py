@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.branch import Branch, named_by_period
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.curve_points import method_document, method_values
@@ -36,10 +36,7 @@ class MapSection:
     @property
     def named(self) -> Iterator[tuple[str, Branch]]:
         """The branches with their names, such as ``P2-3``: the third branch of period 2 on this section."""
-        counts: Counter[int] = Counter()
-        for branch in self.branches:
-            counts[branch.period] += 1
-            yield f"P{branch.period}-{counts[branch.period]}", branch
+        return named_by_period(self.branches)
 
 
 @dataclass(frozen=True, eq=False)

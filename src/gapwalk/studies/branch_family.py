@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.branch import Branch, named_by_period
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, follow_locus
 from gapwalk.bifurcation.loci.follow_locus import start_locus
@@ -64,10 +64,7 @@ class Member:
     @property
     def named(self) -> Iterator[tuple[str, Branch]]:
         """The branches with their names, such as ``P2-1``: the first branch of period 2."""
-        counts: Counter[int] = Counter()
-        for branch in self.branches:
-            counts[branch.period] += 1
-            yield f"P{branch.period}-{counts[branch.period]}", branch
+        return named_by_period(self.branches)
 
     @property
     def special_points(self) -> Iterator[tuple[Place, SpecialPoint]]:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gapwalk.answers.design import Change, Design, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit, proved
+from gapwalk.answers.design import Design, proved
 from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
+from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route, Tried, first_orbit
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted, Natural
@@ -23,8 +24,16 @@ from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.rattle_study import listed
-from gapwalk.studies.study_kind import INLINE, Found, Job, plain_numbers
-from gapwalk.studies.study_schema import WITH_UNIT, Start, StartOrState, Surroundings, key_type
+from gapwalk.studies.study_kind import INLINE, Found, Job
+from gapwalk.studies.study_schema import (
+    WITH_UNIT,
+    Start,
+    StartOrState,
+    Surroundings,
+    key_type,
+    number_in_unit,
+    plain_number,
+)
 
 if TYPE_CHECKING:
     from typing import Self
@@ -87,12 +96,14 @@ class GoalTable:
 
     def goals(self, system: System, parameter: str, ends: tuple[float, float]) -> list[AnyGoal]:
         """Return the goals that it describes."""
+
+        def read(name: str, value: object, otherwise: Any) -> Any:
+            return otherwise if value is None else number_in_unit(system, name, value, " in a goal")
+
         if self.resonance is not None:
-            pace = system.structure.pace
-            below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
+            below, above = (read(system.structure.pace, each, None) for each in (self.below, self.above))
             return [Resonance(self.resonance, below, above, self.order, self.at)]
-        low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
-        high = ends[1] if self.end is None else _number(system, parameter, self.end)
+        low, high = read(parameter, self.begin, ends[0]), read(parameter, self.end, ends[1])
         if self.no is not None:
             return [NoPoint(self.no, (low, high))]  # pyright: ignore[reportArgumentType, reportReturnType]
         if self.quiet:
@@ -104,20 +115,10 @@ class GoalTable:
         return [PeakBelow(self.peak, _size(system, self.peak, self.below), (low, high))]
 
 
-def _number(system: System, parameter: str, value: object) -> float:
-    """Return a value of a parameter as a number in its unit."""
-    if system.units is not None and system.units.parameter(parameter):
-        try:
-            return system.units.read(parameter, value)
-        except ValueError as error:
-            raise ModelError(f"a value of {parameter} in a goal {error}") from None
-    return _plain(value, parameter)
-
-
 def _size(system: System, signal: str, value: object) -> float:
     """Return the limit of a signal in its unit."""
     if system.units is None:
-        return _plain(value, signal)
+        return plain_number(value, f"{signal} in a goal")
     unit = system.units.signal(peak_signal(system, signal))[1]
     if unit != "N m":
         number = str(value).removesuffix(unit).strip()
@@ -130,12 +131,6 @@ def _size(system: System, signal: str, value: object) -> float:
     except ValueError as error:
         raise ModelError(f"the limit of {signal} in a goal {error}") from None
     return float(quantity.number * quantity.factor)
-
-
-def _plain(value: object, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ModelError(f"a value of {what} in a goal is {value!r}; write a number")
-    return float(value)
 
 
 def _changes(tables: Iterable[ChangeTable]) -> tuple[Change, ...]:
@@ -320,9 +315,9 @@ class DesignStudy(RangeStudy):
             "parameter": found.parameter,
             "within": list(found.within),
             "change": found.change,
-            "changes": [_plain_row(each) | {"percent": plain_numbers(each.percent)} for each in found.changes],
-            "goals": [_plain_row(each) | {"reached": each.verdict == "reached"} for each in found.judged],
-            "searches": [_plain_row(each) for each in found.routes],
+            "changes": [plain(each) | {"percent": plain(each.percent)} for each in found.changes],
+            "goals": [plain(each) | {"reached": each.verdict == "reached"} for each in found.judged],
+            "searches": [plain(each) for each in found.routes],
             "proof": {
                 "special_points": [special.to_dict() for special in getattr(found.response, "special_points", ())],
                 "isolated": len(found.isolated),
@@ -334,7 +329,3 @@ class DesignStudy(RangeStudy):
                 along = branch.points if branch else ()
                 document[name] = {"values": [each.value for each in along], "stable": [each.stable for each in along]}
         return document
-
-
-def _plain_row(record: Any) -> dict[str, Any]:
-    return {name: plain_numbers(value) for name, value in plain(record).items()}

@@ -288,7 +288,8 @@ def _special_rows(found: Family) -> Rows:
 
 def _connection_rows(found: Family) -> Iterator[list[object]]:
     """Yield the connections of special points that do not simply continue: births, meetings, ends."""
-    yield ["point_path", "kind", "contact", "side", "fate", "event", *_headings(found), "with", "detail"]
+    headings = parameter_headings([found.parameter, found.over.name], found.system.coordinates)
+    yield ["point_path", "kind", "contact", "side", "fate", "event", *headings, "with", "detail"]
     point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
     for point_path in found.point_paths:
         for side, connection in (("before", point_path.before), ("after", point_path.after)):
@@ -324,8 +325,3 @@ def _point_rows(found: Family) -> Rows:
         for point in branch.points
     )
     return table_rows(rows, found.parameter, found.over.name, system=found.system)
-
-
-def _headings(found: Family) -> list[str]:
-    """Return the headings of the parameter of the members, and of the quantity that differs."""
-    return parameter_headings([found.parameter, found.over.name], found.system.coordinates)

@@ -47,10 +47,7 @@ FUNCTIONS = {
 """Names of the functions, and the kinds of study that they ask."""
 
 SHARED = {
-    "workers": (
-        "Workers | int | None",
-        "Processes, by default one for each core, or running workers.",
-    ),
+    "workers": ("Workers | int | None", "Processes, by default one for each core, or running workers."),
     "report": ("Report | None", "Called with each part that is stored."),
     "output": (
         "str | os.PathLike[str] | None",

@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from gapwalk.answers.campbell import Campbell
-from gapwalk.answers.design import Change, Design
+from gapwalk.answers.design import Design
 from gapwalk.answers.goals import NoPoint, PeakBelow, Quiet, Resonance
+from gapwalk.answers.least_change import Change
 from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.scan import Scan
 from gapwalk.answers.scan_claims import AlikeClaim, LoopClaim, MotionClaim, PointClaim, RangeClaim, SizeClaim

@@ -9,15 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from gapwalk.attractors.basins import (
-    RUNAWAY,
-    UNRESOLVED,
-    Attractor,
-    BasinShares,
-    Box,
-    Range,
-    signature_of,
-)
+from gapwalk.attractors.basins import RUNAWAY, UNRESOLVED, Attractor, BasinShares, Box, Range, signature_of
 from gapwalk.attractors.many_motions import has_kernel, motions_of
 from gapwalk.bifurcation.isolated.search_starts import state_box
 from gapwalk.ensemble.batch_flow import within_stops

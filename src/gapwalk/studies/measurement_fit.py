@@ -25,9 +25,10 @@ from gapwalk.model.problems import ModelFileError, Problem, did_you_mean, given
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
+from gapwalk.results.codec import plain, plain_rows
 from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.set_values import leaves_of
-from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_kind import Rows, values_of
 from gapwalk.studies.study_schema import Start, StartOrState, Surroundings, check_parameter, given_of, table_schema
 from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
@@ -136,11 +137,9 @@ def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> P
 def document_of(found: PointFit, title: str = "") -> dict[str, Any]:
     """Return a fit to measured points as plain JSON values."""
     document: dict[str, Any] = {"title": title, "parameter": found.parameter}
-    for name, table in found.tables().items():
-        heads, *rows = [list(row) for row in table()]
-        document[name] = [dict(zip(map(str, heads), plain_numbers(row), strict=True)) for row in rows]
+    document |= {name: plain_rows(table()) for name, table in found.tables().items()}
     return document | {
-        "correlation": plain_numbers(found.correlation.tolist()),
+        "correlation": plain(found.correlation),
         "chi_square": found.chi_square,
         "freedom": found.freedom,
         "evaluations": found.evaluations,
@@ -377,19 +376,13 @@ def _agreement_words(found: Alignment) -> str:
 
 def _agreement(found: Alignment) -> dict[str, float]:
     agreed = found.agreement
-    return {
-        "rms": agreed.rms,
-        "relative": agreed.relative,
-        "correlation": agreed.correlation,
-        "phase": found.phase,
-    }
+    return {"rms": agreed.rms, "relative": agreed.relative, "correlation": agreed.correlation, "phase": found.phase}
 
 
 def _fit_document(found: Fit) -> dict[str, Any]:
-    estimates = [plain_numbers(list(each)) for each in (*found.estimates, found.phase)]
     return {
-        "parameters": [dict(zip(Estimate._fields, each, strict=True)) for each in estimates],
-        "correlation": plain_numbers(found.correlation.tolist()),
+        "parameters": [plain(each._asdict()) for each in (*found.estimates, found.phase)],
+        "correlation": plain(found.correlation),
         "evaluations": found.evaluations,
         "before": _agreement(found.before),
     }

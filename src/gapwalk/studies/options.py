@@ -93,10 +93,7 @@ class RangeStudy(StudyKind):
     #: ``to``; by default it begins at the value of the system.
     begin: Annotated[float, OPEN, Field(alias="from", validate_default=True), WITH_UNIT, AfterValidator(_begins)]
     end: Annotated[
-        float,
-        Field(alias="to", description="write the value at which the walk ends"),
-        WITH_UNIT,
-        AfterValidator(_ends),
+        float, Field(alias="to", description="write the value at which the walk ends"), WITH_UNIT, AfterValidator(_ends)
     ]
 
     @classmethod
@@ -147,16 +144,11 @@ class ParameterRange:
 
     #: Its name.
     parameter: Annotated[
-        str,
-        Field(description='write its name, as in parameter = "mean.q1"'),
-        AfterValidator(known_parameter),
+        str, Field(description='write its name, as in parameter = "mean.q1"'), AfterValidator(known_parameter)
     ]
     #: begin, end: The range; in a table they are called ``from`` and ``to``.
     begin: Annotated[
-        float,
-        Field(alias="from", description="write where its range begins"),
-        WITH_UNIT,
-        AfterValidator(is_allowed),
+        float, Field(alias="from", description="write where its range begins"), WITH_UNIT, AfterValidator(is_allowed)
     ]
     end: Annotated[
         float,

@@ -26,9 +26,10 @@ from gapwalk.model.words import parameter_words, value_words
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import initial_state
 from gapwalk.picture_parts import Panel, Parts, Picture, Series, pictured
+from gapwalk.results.codec import plain_rows
 from gapwalk.results.result_file import Part
 from gapwalk.studies.rattle_study import GAPS
-from gapwalk.studies.study_kind import OPEN, Found, Job, StudyKind, plain_numbers
+from gapwalk.studies.study_kind import OPEN, Found, Job, StudyKind
 from gapwalk.studies.study_schema import Surroundings
 from gapwalk.studies.tolerance_study import (
     SPREAD_KEYS,
@@ -331,11 +332,7 @@ class RattleChanceStudy(StudyKind):
 
     def document(self, found: RattleChance, points: bool) -> dict[str, Any]:
         """Return the probabilities as JSON values; with all samples if wanted."""
-        tables = {name: [*rows()] for name, rows in found.tables().items() if points or name == "chances"}
-        return {
-            name: [dict(zip(rows[0], plain_numbers(list(row)), strict=True)) for row in rows[1:]]
-            for name, rows in tables.items()
-        }
+        return {name: plain_rows(rows()) for name, rows in found.tables().items() if points or name == "chances"}
 
     def _record(self, job: Job, *, complete: bool) -> RattleChance:
         gaps, chunks = chosen_gaps(job.system, self.gaps), job.all(CHUNKS)

@@ -41,13 +41,7 @@ from gapwalk.answers.lane_sweep import (
     started_piece,
     sweep_piece,
 )
-from gapwalk.answers.rattle_bands import (
-    RattleBands,
-    Severity,
-    bands_of_sweeps,
-    severities_of,
-    worst_of,
-)
+from gapwalk.answers.rattle_bands import RattleBands, Severity, bands_of_sweeps, severities_of, worst_of
 from gapwalk.answers.rattle_map import RattleMap, borders, exact_gaps
 from gapwalk.attractors.basins import centres
 from gapwalk.attractors.lane_settling import LaneMotion
@@ -64,7 +58,7 @@ from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.options import RangeStudy, Second
-from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, Work, plain_numbers
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, Work
 from gapwalk.studies.study_schema import Resolution, RestOrState, Surroundings, key_type
 
 # The work on a map of rattle: chunks of cells by the batch integrator, then the exact borders.
@@ -454,10 +448,10 @@ class RattleStudy(RangeStudy):
                 }
                 for band in found.bands
             ],
-            "worst": [plain_numbers_of(each) for each in found.worst],
+            "worst": [plain(each) for each in found.worst],
         }
         if points:
-            document["severity"] = [plain_numbers_of(row) for row in found.severities]
+            document["severity"] = [plain(row) for row in found.severities]
         return document
 
 
@@ -490,10 +484,5 @@ def _map_document(found: RattleMap, points: bool) -> dict[str, Any]:
 
 
 def _end_document(end: BandEnd) -> dict[str, Any]:
-    movers = [plain_numbers_of(each) for each in end.movers]
+    movers = [plain(each) for each in end.movers]
     return {"value": end.value, "kind": end.kind, "error": end.error, "movers": movers}
-
-
-def plain_numbers_of(record: Any) -> Any:
-    """Return a record of numbers and texts as JSON values."""
-    return {name: plain_numbers(value) for name, value in plain(record).items()}

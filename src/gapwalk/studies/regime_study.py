@@ -32,10 +32,11 @@ from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers, do_in_stages
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork, check_until_right
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
-from gapwalk.studies.study_kind import INLINE, plain_numbers
+from gapwalk.studies.study_kind import INLINE
 from gapwalk.studies.study_schema import (
     CELLS,
     PARAMETERS,
@@ -155,7 +156,7 @@ class RegimeStudy(RangeStudy):
         }
         if points:
             document["contacts"] = [contact.name for contact in found.system.structure.contacts]
-            document |= {name: plain_numbers(getattr(found, name).tolist()) for name in _ARRAYS}
+            document |= {name: plain(getattr(found, name)) for name in _ARRAYS}
         return document
 
 

@@ -32,8 +32,9 @@ from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import parameter_headings
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind, plain_numbers
+from gapwalk.studies.study_kind import Finding, Found, Job, Rows, StudyKind
 from gapwalk.studies.study_schema import Surroundings
 from gapwalk.summary import SummaryParts, TableRows, summarizes
 
@@ -136,11 +137,9 @@ class RunUpFinding(Finding):
         if isinstance(found, RunUp):
             document["peaks"] = [each._asdict() for each in found.peaks]
             if self.response is not None:
-                document["jumps"] = [{k: plain_numbers(v) for k, v in each._asdict().items()} for each in self.delays]
+                document["jumps"] = [plain(each._asdict()) for each in self.delays]
             if self._map is not None:
-                document["order_peaks"] = [
-                    {k: plain_numbers(v) for k, v in each._asdict().items()} for each in self._map.peaks
-                ]
+                document["order_peaks"] = [plain(each._asdict()) for each in self._map.peaks]
             if points:
                 signal = self.signal
                 document["history"] = {
@@ -150,8 +149,7 @@ class RunUpFinding(Finding):
             return document
         document |= {"error": found.error, "worst": found.worst, "rates": found.rates.tolist()}
         document["contacts"] = {
-            name: {"peaks": plain_numbers(found.peaks(name).tolist()), "speeds": found.places(name).tolist()}
-            for name in found.touching
+            name: {"peaks": plain(found.peaks(name)), "speeds": found.places(name).tolist()} for name in found.touching
         }
         return document
 
@@ -196,20 +194,16 @@ class RunUpFinding(Finding):
 
     def _jump_rows(self) -> Iterator[list[object]]:
         yield ["fold", "jump", "delay"]
-        for each in self.delays:
-            row: list[object] = [*plain_numbers([*each])]
-            yield row
+        yield from plain(self.delays)
 
 
 def _pace_heading(system: System) -> list[str]:
     return [*parameter_headings([system.structure.pace], system.coordinates)]
 
 
-def _peak_rows(found: RunUp) -> Iterator[list[object]]:
+def _peak_rows(found: RunUp) -> Rows:
     yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    for each in found.peaks:
-        row: list[object] = [*each]
-        yield row
+    yield from found.peaks
 
 
 def _run_rows(found: RunUps) -> Iterator[list[object]]:
@@ -220,7 +214,7 @@ def _run_rows(found: RunUps) -> Iterator[list[object]]:
     for name in names:
         impacts = found.impacts[:, :, found.contacts.index(name)].sum(axis=(1, 2))
         columns += [found.peaks(name), found.places(name), impacts]
-    yield from map(list, plain_numbers(np.stack(columns, axis=1).tolist()))
+    yield from plain(np.stack(columns, axis=1))
 
 
 def _rate_rows(found: RunUps) -> Iterator[list[object]]:
@@ -499,10 +493,6 @@ class RunUpStudy(StudyKind):
         for number, chunk in job.known[RUNS].items():
             if not 0 <= number < self.chunks or len(chunk.courses) != len(self._lanes(number)):
                 raise ValueError(f"chunk {number} does not belong to these run-ups")
-
-    def is_complete(self, job: Job) -> bool:
-        """Return True if no work is left."""
-        return self.done(job) == self.total(job)
 
     def total(self, job: Job) -> int:
         """Return the number of all parts: chunks of run-ups, and the response."""

@@ -49,8 +49,8 @@ from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies import functions
 from gapwalk.studies.options import check_measure
-from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind, plain_numbers
-from gapwalk.studies.study_schema import Surroundings, key_type
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, StudyKind
+from gapwalk.studies.study_schema import Surroundings, key_type, number_in_unit
 
 if TYPE_CHECKING:
     from typing import Self
@@ -342,14 +342,14 @@ class ClaimTable:
         name = self.parameter or system.structure.pace
         if self.begin is None or self.end is None:
             raise ModelError("a claim about a branch has no range; write from = 0.62 and to = 0.85")
-        low, high = (_number(system, name, each) for each in (self.begin, self.end))
+        low, high = (number_in_unit(system, name, each) for each in (self.begin, self.end))
         over = None
         if self.over is not None:
             if not isinstance(self.over, list) or len(self.over) != 2:
                 raise ModelError(
                     f"over is {self.over!r}; write where the walk begins and ends, as in over = [2.0, 0.5]"
                 )
-            first, last = (_number(system, name, each) for each in self.over)
+            first, last = (number_in_unit(system, name, each) for each in self.over)
             over = first, last
         where: dict[str, Any] = {
             "parameter": name,
@@ -366,13 +366,13 @@ class ClaimTable:
             than = _values(system, self.than or {}, "than")
             return AlikeClaim(self.alike, 0.05 if self.within is None else float(self.within), **where, than=than)
         if self.range is not None:
-            within = None if self.within is None else _number(system, name, self.within)
+            within = None if self.within is None else number_in_unit(system, name, self.within)
             return RangeClaim(self.range, **where, within=within)
         if (kind := self.point or self.no) is not None:
             return PointClaim(Kind.named(str(kind)), **where, absent=self.no is not None)
         size = next(each for each in ("width", "peak", "place") if getattr(self, each) is not None)
         bounds = (
-            None if each is None else each if size == "peak" else _number(system, name, each)
+            None if each is None else each if size == "peak" else number_in_unit(system, name, each)
             for each in (self.least, self.most)
         )
         other = self.larger_than or self.smaller_than or {}
@@ -394,24 +394,11 @@ def _periods(value: Any) -> int | tuple[int, int]:
     return whole[0] if len(whole) == 1 else (whole[0], whole[1])
 
 
-def _number(system: System, parameter: str, value: object) -> float:
-    """Return a value of a parameter as a number in its unit."""
-    system.structure.place(parameter)
-    if system.units is not None and system.units.parameter(parameter):
-        try:
-            return float(system.units.read(parameter, value))
-        except ValueError as error:
-            raise ModelError(f"a value of {parameter} {error}") from None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ModelError(f"a value of {parameter} is {value!r}; write a number")
-    return float(value)
-
-
 def _values(system: System, table: object, key: str) -> dict[str, float]:
     """Return values of parameters by name; a file may write the names in quotes, or as tables in tables."""
     if not isinstance(table, Mapping):
         raise ModelError(f"{key} is {table!r}; write values of parameters, as in {key} = {{ frequency = 0.63 }}")
-    return {name: _number(system, name, value) for name, value in _leaves(table)}
+    return {name: number_in_unit(system, name, value) for name, value in _leaves(table)}
 
 
 def _leaves(table: Mapping[str, object], above: str = "") -> Iterator[tuple[str, object]]:
@@ -599,7 +586,7 @@ class ScanStudy(StudyKind):
             "variations": len(found.variations),
             "model": self._row(found, 0),
             "best": [self._row(found, index) for index in best],
-            "luck": plain_numbers(plain(found.luck(score)._asdict())),
+            "luck": plain(found.luck(score)._asdict()),
             "check": {"checked": found.check.checked, "different": list(found.check.different)},
             "error": found.error,
         }
@@ -614,5 +601,5 @@ class ScanStudy(StudyKind):
             "variation": found.words(index),
             "score": int(found.scores[index]),
             "holds": found.holds[index].tolist(),
-            "amounts": plain_numbers(found.amounts[index].tolist()),
+            "amounts": plain(found.amounts[index]),
         }

@@ -20,9 +20,10 @@ from gapwalk.free.self_excitation import SelfExcited, cycle_from, is_known, is_r
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
 from gapwalk.pieces import workers_around
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_kind import Found, Job, plain_numbers
+from gapwalk.studies.study_kind import Found, Job
 from gapwalk.summary import row_of
 
 LINE = Part("equilibria", tuple[Rests, ...])
@@ -140,23 +141,23 @@ class SelfExcitedStudy(RangeStudy):
 
     def _line(self, line: Rests, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
-            "events": [_plain(each) for each in line.events],
+            "events": [plain(row_of(each)) for each in line.events],
             "ends": [{"reason": end.reason_words, "value": end.value} for end in line.ends],
         }
         if points:
-            document["points"] = [_plain(each) | {"position": each.position.tolist()} for each in line.points]
+            document["points"] = [plain(row_of(each)) | {"position": each.position.tolist()} for each in line.points]
         return document
 
     def _cycle(self, cycle: Branch, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
-            "special_points": [_plain(each) for each in cycle.special_points],
+            "special_points": [plain(row_of(each)) for each in cycle.special_points],
             "ends": [
                 {"reason": end.reason.name.lower(), "value": end.value, "detail": end.detail} for end in cycle.ends
             ],
         }
         if points:
             document["points"] = [
-                _plain(each) | {"frequency": each.orbit.system.frequency, "state": each.orbit.state.tolist()}
+                plain(row_of(each)) | {"frequency": each.orbit.system.frequency, "state": each.orbit.state.tolist()}
                 for each in cycle.points
             ]
         return document
@@ -167,10 +168,3 @@ def _line_from(
 ) -> Rests:
     """Follow an equilibrium; a piece of work for any process."""
     return follow_rest(system, parameter, ends, start=start, walk=walk)
-
-
-def _plain(record: Any) -> dict[str, Any]:
-    return {
-        name: plain_numbers(value.item() if isinstance(value, np.generic) else value)
-        for name, value in row_of(record).items()
-    }

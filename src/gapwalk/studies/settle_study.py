@@ -36,7 +36,7 @@ from gapwalk.orbit.orbit import Orbit, describe_switch
 from gapwalk.pieces import stage
 from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
-from gapwalk.studies.study_kind import OPEN, Finding, Found, Job, Rows, StudyKind, plain_numbers
+from gapwalk.studies.study_kind import OPEN, Finding, Found, Job, Rows, StudyKind
 from gapwalk.studies.study_schema import RestOrState, Surroundings
 from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
@@ -164,7 +164,7 @@ class SettleFinding(Finding):
                 "losses": [asdict(each) for each in self.energy.losses],
             }
         if points:
-            document["section"] = {"phase": self.options.phase, "states": plain_numbers(self.section.tolist())}
+            document["section"] = {"phase": self.options.phase, "states": plain(self.section)}
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:

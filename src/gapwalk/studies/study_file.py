@@ -261,9 +261,7 @@ def check_system(source: Source, changes: Mapping[str, object]) -> tuple[Model, 
 
 
 def read_studies(
-    path: str | os.PathLike[str] | io.StringIO,
-    changes: Mapping[str, object] | None = None,
-    names: Sequence[str] = (),
+    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
 ) -> tuple[Study, ...]:
     """Read a model file with all of its studies, in their order; parameters and errors as `read_study`.
 

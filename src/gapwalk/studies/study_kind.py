@@ -282,7 +282,7 @@ class StudyKind:
 
     def is_complete(self, job: Job) -> bool:
         """Return True if no work is left, once the record is stored."""
-        return self.answer is not None and bool(job.known[self.answer])
+        return bool(job.known[self.answer]) if self.answer is not None else self.done(job) == self.total(job)
 
     def done(self, job: Job) -> int:
         """Return the number of parts that are done."""
@@ -448,10 +448,7 @@ def values_of(options: Any) -> dict[str, Any]:
 
 register(
     StudyKind,
-    OneOf(
-        lambda value: value.kind if isinstance(value, StudyKind) else None,
-        lambda kind: column_of(kind_of(kind)),
-    ),
+    OneOf(lambda value: value.kind if isinstance(value, StudyKind) else None, lambda kind: column_of(kind_of(kind))),
 )
 
 
@@ -686,13 +683,6 @@ class Job(Work):
     def finding(self) -> Finding | None:
         """Return the record so far as the finding of a study."""
         return self.asked.finding_of(self)
-
-
-def plain_numbers(values: Any) -> Any:
-    """Return numbers in nested lists as JSON values; those that are not finite become null."""
-    if isinstance(values, list):
-        return [plain_numbers(value) for value in values]
-    return None if isinstance(values, float) and not math.isfinite(values) else values
 
 
 P = ParamSpec("P")

@@ -100,6 +100,24 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
     return low, high
 
 
+def number_in_unit(system: System, parameter: str, value: object, where: str = "") -> float:
+    """Return a value of a parameter as a number in its unit."""
+    system.structure.place(parameter)  # refuses an unknown one
+    if system.units is not None and system.units.parameter(parameter):
+        try:
+            return float(system.units.read(parameter, value))
+        except ValueError as error:
+            raise ModelError(f"a value of {parameter}{where} {error}") from None
+    return plain_number(value, parameter + where)
+
+
+def plain_number(value: object, what: str) -> float:
+    """Return a value of something as a number without a unit."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ModelError(f"a value of {what} is {value!r}; write a number")
+    return float(value)
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """Context of the validators of a study.

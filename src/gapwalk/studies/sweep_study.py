@@ -30,9 +30,10 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import parameter_headings
 from gapwalk.parallel.workers import Workers
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_kind import INLINE, OPEN, AnswerFinding, Found, Work, plain_numbers
+from gapwalk.studies.study_kind import INLINE, OPEN, AnswerFinding, Found, Work
 from gapwalk.studies.study_schema import CountOrStates, Surroundings, check_signal, key_type
 from gapwalk.summary import Rows, SummaryParts, Tables
 
@@ -592,7 +593,7 @@ class SweepStudy(RangeStudy):
         }
         if points:
             for number, lane in enumerate(document["lanes"]):
-                lane["sections"] = plain_numbers(found.sections[number].tolist())
+                lane["sections"] = plain(found.sections[number])
         return document
 
 

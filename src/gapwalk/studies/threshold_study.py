@@ -17,10 +17,11 @@ from gapwalk.ensemble.lanes import prefers_lanes
 from gapwalk.errors import ModelError
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
-from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job, plain_numbers
+from gapwalk.studies.study_kind import INLINE, OPEN, Found, Job
 
 Over = Annotated[
     ParameterRange,
@@ -139,8 +140,8 @@ class ThresholdStudy(RangeStudy):
         document: dict[str, Any] = {
             "answer": found.sentence,
             "parameter": found.parameter,
-            "value": plain_numbers([found.value])[0],
-            "uncertainty": plain_numbers([found.uncertainty])[0],
+            "value": plain(found.value),
+            "uncertainty": plain(found.uncertainty),
             "over": {"parameter": found.over, "from": found.low, "to": found.high},
             "limit": None if limit is None else {"kind": str(limit.kind), "at": found.at, "contact": limit.contact},
             "between": list(found.between),

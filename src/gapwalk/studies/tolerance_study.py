@@ -49,9 +49,10 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.parallel.workers import Workers
+from gapwalk.results.codec import plain_rows
 from gapwalk.results.result_file import Part
 from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_kind import Found, Job, plain_numbers
+from gapwalk.studies.study_kind import Found, Job
 from gapwalk.studies.study_schema import Start, StartOrState, Surroundings, key_type
 
 if TYPE_CHECKING:
@@ -163,10 +164,7 @@ SPREADS = (
 
 SPREAD_KEYS: Mapping[str, Any] = {
     "spreads": None,
-    "spread": (
-        Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")],
-        None,
-    ),
+    "spread": (Annotated[list[key_type(SpreadTable)] | None, Field(description="write tables [[study.spread]]")], None),
     "correlation": (list[list[float]] | None, None),
     "parts": (Annotated[Any, BeforeValidator(_parts)], None),
 }
@@ -310,8 +308,7 @@ class ToleranceStudy(RangeStudy):
         document: dict[str, Any] = {}
         tables = found.tables()
         for name in ("points", "indices", *(["samples"] if points else [])):
-            heads, *rows = [list(row) for row in tables[name]()]
-            document[name] = [dict(zip(map(str, heads), plain_numbers(row), strict=True)) for row in rows]
+            document[name] = plain_rows(tables[name]())
         if found.band is not None and found.known.any():
             chance = found.chance(*found.band)
             document["band"] = {"from": found.band[0], "to": found.band[1], "jump": chance._asdict()}

@@ -5,7 +5,7 @@ With a second excitation of its own frequency, every motion is a torus: then it 
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any, ClassVar
@@ -18,10 +18,11 @@ from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.bounds import Counted
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers, do_by_groups
+from gapwalk.results.codec import plain
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
 from gapwalk.studies.options import BranchOptions, ParameterRange, is_another
-from gapwalk.studies.study_kind import INLINE, AnswerFinding, Found, Work, found_by, plain_numbers
+from gapwalk.studies.study_kind import INLINE, AnswerFinding, Found, Work, found_by
 from gapwalk.summary import row_of
 from gapwalk.tori.second_tone import Tone, two_tones
 from gapwalk.tori.tongue import LockedWindow, Tongue, follow_tongue
@@ -94,7 +95,7 @@ class ToriStudy(BranchOptions):
         document: dict[str, Any] = {
             "parameter": family.parameter,
             "curves": family.curves,
-            "events": [_plain(row_of(each)) for each in family.events],
+            "events": [plain(row_of(each)) for each in family.events],
             "ends": [
                 {"reason": end.reason.name.lower(), "value": end.value, "rotation": end.rotation, "detail": end.detail}
                 for end in family.ends
@@ -105,7 +106,7 @@ class ToriStudy(BranchOptions):
                 {
                     "value": point.value,
                     "rotation": point.torus.rotation,
-                    "exponents": plain_numbers(point.torus.exponents.tolist()),
+                    "exponents": plain(point.torus.exponents),
                     "error": point.torus.error,
                     "curve": point.torus.states.tolist(),
                 }
@@ -132,10 +133,6 @@ def _tongue(found: Tongue) -> dict[str, Any]:
     }
     place = None if tip is None else {"kind": tip.kind.value, "values": tip.values, "uncertainty": tip.uncertainty}
     return {"ratio": str(found.ratio), "period": found.period, "tip": place, **sides}
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: plain_numbers(value) for name, value in values.items()}
 
 
 class ToriWork(Work):

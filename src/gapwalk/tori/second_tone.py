@@ -98,9 +98,7 @@ class Tone:
             contacts=[clock, drive],
         )
         structure = replace(
-            old,
-            coordinates=added.coordinates,
-            contacts=(*old.contacts, ContactForm.of(clock), ContactForm.of(drive)),
+            old, coordinates=added.coordinates, contacts=(*old.contacts, ContactForm.of(clock), ContactForm.of(drive))
         )
         known = {**added.parameters, **system.parameters}
         return System.from_values(structure, np.array([known.get(name, 0.0) for name in structure.names]))
@@ -112,11 +110,7 @@ class Tone:
 
 
 def two_tones(
-    system: System,
-    tone: Tone,
-    *,
-    settling: SettleOptions | None = None,
-    options: TorusOptions | None = None,
+    system: System, tone: Tone, *, settling: SettleOptions | None = None, options: TorusOptions | None = None
 ) -> Torus:
     """Find the motion under two excitations whose frequencies have no common multiple.
 

@@ -258,7 +258,7 @@ class TongueTipKind(StrEnum):
 class TongueTip:
     """Tip of a tongue."""
 
-    _row: ClassVar = {"kind": "kind", "values": "values", "uncertainty": "uncertainty"}
+    _row: ClassVar = "kind values uncertainty"
 
     kind: TongueTipKind  #: What happens there.
     values: tuple[float, float]  #: Values of both parameters.

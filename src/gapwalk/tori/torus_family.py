@@ -47,7 +47,7 @@ class TorusEndReason(Reason):
 class TorusEnd(AnyEnd):
     """Place and reason of the end of a family of tori."""
 
-    _row: ClassVar = {"reason": "reason", "value": "value", "rotation": "rotation", "detail": "detail"}
+    _row: ClassVar = "reason value rotation detail"
 
     reason: TorusEndReason  #: The reason.
     value: float  #: Value of the parameter there.
@@ -76,18 +76,10 @@ class TorusEventKind(StrEnum):
 class TorusEvent(CurveEvent):
     """Torus of a family at which its stability or its rotation is special."""
 
-    _row: ClassVar = {
-        "kind": "kind",
-        "value": "value",
-        "uncertainty": "uncertainty",
-        "rotation": "rotation",
-        "unstable.before": "before",
-        "unstable.after": "after",
-        "ratio": "ratio_words",
-        "locked.from": "locked_from",
-        "locked.to": "locked_to",
-        "detail": "detail",
-    }
+    _row: ClassVar = (
+        "kind value uncertainty rotation unstable.before=before unstable.after=after ratio=ratio_words "
+        "locked.from=locked_from locked.to=locked_to detail"
+    )
 
     #: What happens: the family turns back (fold), tori of twice as many curves begin (doubling), one normal exponent
     #: passes zero otherwise, two pass zero (as where a torus of three frequencies begins), the rotation number is a
@@ -144,17 +136,10 @@ class TorusEvent(CurveEvent):
 class TorusPoint:
     """One torus of a family."""
 
-    _row: ClassVar = {
-        "parameter": "value",
-        "rotation": "torus.rotation",
-        "stable": "torus.stable",
-        "unstable": "torus.unstable",
-        "exponent": "torus.largest_exponent",
-        "size": "torus.size",
-        "samples": "torus.count",
-        "error": "torus.error",
-        "grazes": "torus.grazes",
-    }
+    _row: ClassVar = (
+        "parameter=value rotation=torus.rotation stable=torus.stable unstable=torus.unstable "
+        "exponent=torus.largest_exponent size=torus.size samples=torus.count error=torus.error grazes=torus.grazes"
+    )
 
     value: float  #: Value of the parameter.
     torus: Torus  #: The torus.

@@ -241,13 +241,7 @@ def _smallest(
 
 
 def start_beyond(
-    torus: Torus,
-    window: LockedWindow,
-    parameter: str,
-    way: float,
-    within: Range,
-    value: float,
-    options: TorusOptions,
+    torus: Torus, window: LockedWindow, parameter: str, way: float, within: Range, value: float, options: TorusOptions
 ) -> TorusStart | None:
     """Return the beginning beyond a window in which the motion of a family locks; None if there is none."""
     # The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other

@@ -511,11 +511,7 @@ class Strides:
 
 
 def far_from_fractions(
-    step: float,
-    earlier: BranchPoint | None,
-    previous: BranchPoint | None,
-    point: BranchPoint,
-    corrector: Corrector,
+    step: float, earlier: BranchPoint | None, previous: BranchPoint | None, point: BranchPoint, corrector: Corrector
 ) -> float:
     """Return a step that is not longer, and not much shorter, whose rotation number is far from fractions."""
     # Near fractions p/q with a small q curves need more samples, and the sum of ``1 / (q^2 |rho - p/q|)`` is large.

@@ -542,9 +542,7 @@ class Follower:
 
 
 def follow_together(
-    systems: Sequence[System],
-    begin: Callable[[int], Follower],
-    end: Callable[[int, Follower | None], object],
+    systems: Sequence[System], begin: Callable[[int], Follower], end: Callable[[int, Follower | None], object]
 ) -> None:
     """Follow a motion of each of some systems."""
     batch, waiting = Batch(systems), deque(range(len(systems)))

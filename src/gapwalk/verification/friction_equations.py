@@ -20,7 +20,7 @@ from gapwalk.model.laws.law import Host, Stages
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.dop853 import between
-from gapwalk.verification.independent_equations import Equations, Lanes, times
+from gapwalk.verification.independent_equations import Equations, Lanes, of_lanes, times
 
 Values = NDArray[Any]
 Key = tuple[str, int]
@@ -117,7 +117,7 @@ class DryEquations(Equations):
 
     def force_of(self, index: int, sizes: Sizes, lanes: Lanes = _ALL) -> Values:
         """Return the force that would give a contact the accelerations of a motion of some size."""
-        drag = self._of(self._drag, lanes)[:, self._first[index]]
+        drag = of_lanes(self._drag, lanes)[:, self._first[index]]
         return sizes.speed * self.frequency[lanes] / np.abs(drag)
 
     def active(self, modes: Modes) -> list[int]:
@@ -128,7 +128,7 @@ class DryEquations(Equations):
     def _named(self, prefix: str, numbers: Mapping[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
         if prefix in self._varied_prefixes:
             return super()._named(prefix, numbers, loads, lanes)
-        return {name: self._of(values, lanes) for name, values in numbers.items()}
+        return {name: of_lanes(values, lanes) for name, values in numbers.items()}
 
     def loading(
         self,
@@ -170,13 +170,13 @@ class DryEquations(Equations):
                 sliding[:, index] -= numbers["speed"]
             forces[:, index] = form.law.force(rates[:, place], stages, numbers)
         free = (
-            self._of(self._mean, lanes)
-            + times(self._of(self._shapes, lanes), loads[:, self._driving])
-            + times(self._of(self._within, lanes), states[:, : 2 * n])
-            - times(self._of(self._push, lanes), forces)
+            of_lanes(self._mean, lanes)
+            + times(of_lanes(self._shapes, lanes), loads[:, self._driving])
+            + times(of_lanes(self._within, lanes), states[:, : 2 * n])
+            - times(of_lanes(self._push, lanes), forces)
         )
         if active := self.active(modes):
-            rows, pushes = self._of(self._vectors, lanes)[:, self._first[active]], self._of(self._push, lanes)
+            rows, pushes = of_lanes(self._vectors, lanes)[:, self._first[active]], of_lanes(self._push, lanes)
             turning = times(rows, free) + self._swaying(angles, lanes)[:, active]
             matrices = rows @ pushes[:, :, active]
             alike = len(matrices) == 1
@@ -230,17 +230,11 @@ class DryEquations(Equations):
         angles, states = np.real(angles), np.real(states)
         rates, step = self.derivatives(angles, states, modes, levels, lanes), 1j * _STEP
         limits = self.loading(angles + step, states + step * rates, modes, levels, lanes).limits[index]
-        stiffness = self._of(self._own[index]["stiffness"], lanes)
+        stiffness = of_lanes(self._own[index]["stiffness"], lanes)
         return np.imag(limits) / _STEP * self.frequency[lanes] / stiffness
 
     def mode_guards(
-        self,
-        angles: Values,
-        states: Values,
-        modes: Modes,
-        levels: Values,
-        sizes: Sizes,
-        lanes: Lanes = _ALL,
+        self, angles: Values, states: Values, modes: Modes, levels: Values, sizes: Sizes, lanes: Lanes = _ALL
     ) -> dict[Key, Values]:
         """Return the guards of some modes, as shares of their scales: a mode lasts while its guard is positive."""
         # Of friction without force it is 1.
@@ -267,7 +261,7 @@ class DryEquations(Equations):
                 left = (rates - self.creep(index, angles, states, modes, levels, lanes)) / sizes.speed
             else:
                 left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
-                left = left / (self._of(self._own[index]["stiffness"], lanes) * sizes.length)
+                left = left / (of_lanes(self._own[index]["stiffness"], lanes) * sizes.length)
             found["slip", index] = np.where(self.is_idle(index, limits, modes), 1.0, left)
         return found
 

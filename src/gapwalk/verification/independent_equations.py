@@ -114,14 +114,14 @@ class Equations:
     def deflections(self, theta: Array, moved: Array, lanes: Lanes = _ALL, derivative: int = 0) -> Array:
         """Return the first deflection of each contact, with what is added to it, shape (L, contacts)."""
         # Shapes: `theta` (L,); `moved` (L, n).
-        found = times(self._of(self._vectors, lanes)[:, self._first], moved)
+        found = times(of_lanes(self._vectors, lanes)[:, self._first], moved)
         if self._displaced.any():
             found = found + self._loads.at(theta, lanes, None, derivative) @ self._displaced[self._first].T
         return found
 
     def depths(self, deflections: Array, lanes: Lanes = _ALL) -> Array:
         """Return the depths beyond the breakpoints, shape (L, switches)."""
-        return self.signs * deflections[:, self.contact_of] - self._of(self._clearance, lanes)
+        return self.signs * deflections[:, self.contact_of] - of_lanes(self._clearance, lanes)
 
     def rates(
         self, theta: Array, state: Array, closed: Array, lanes: Lanes = _ALL, levels: Array | None = None
@@ -133,13 +133,13 @@ class Equations:
         loads = self._loads.at(theta, lanes, levels)
         force, contraction = self._contact_forces(loads, *self._moves(theta, q, v, lanes, loads), closed, lanes)
         acceleration = (
-            self._of(self._mean, lanes)
-            + times(self._of(self._shapes, lanes), loads[:, self._driving])
-            - times(self._of(self._stiffness, lanes), q)
-            - times(self._of(self._damping, lanes), v)
-            - times(self._of(self._push, lanes), force)
+            of_lanes(self._mean, lanes)
+            + times(of_lanes(self._shapes, lanes), loads[:, self._driving])
+            - times(of_lanes(self._stiffness, lanes), q)
+            - times(of_lanes(self._damping, lanes), v)
+            - times(of_lanes(self._push, lanes), force)
         )
-        divergence = self._of(self._free, lanes) - contraction
+        divergence = of_lanes(self._free, lanes) - contraction
         return np.column_stack((v, acceleration, divergence)) / self.frequency[lanes, None]
 
     def guards(
@@ -164,7 +164,7 @@ class Equations:
 
     def _moves(self, theta: Array, q: Array, v: Array, lanes: Lanes, loads: Array) -> tuple[Array, Array]:
         """Return all deflections and their rates over time, shape (L, arguments of all laws) each."""
-        vectors = self._of(self._vectors, lanes)
+        vectors = of_lanes(self._vectors, lanes)
         x, rate = times(vectors, q), times(vectors, v)
         if self._displaced.any():
             x = x + loads @ self._displaced.T
@@ -175,7 +175,7 @@ class Equations:
     def _contact_forces(self, loads: Array, x: Array, rate: Array, closed: Array, lanes: Lanes) -> tuple[Array, Array]:
         """Return the contact forces, shape (L, contacts), and the rate at which they contract volumes, shape (L,)."""
         forces, contraction = np.zeros((len(x), len(self._contacts))), np.zeros(len(x))
-        drag = self._of(self._drag, lanes)
+        drag = of_lanes(self._drag, lanes)
         for index, form in enumerate(self._contacts):
             places, law = self._of_contact[index], form.law
             stages, numbers = self._arguments(index, loads, x, rate, closed, lanes)
@@ -201,7 +201,7 @@ class Equations:
         stages = [
             StageTerms(
                 shape.sign,
-                x[:, places[0]] - shape.sign * self._of(self._clearance, lanes)[:, k],
+                x[:, places[0]] - shape.sign * of_lanes(self._clearance, lanes)[:, k],
                 closed[:, k],
                 shape.innermost,
                 self._named(self._prefixes[k], self._of_stages[k], loads, lanes),
@@ -228,13 +228,9 @@ class Equations:
     def _named(self, prefix: str, numbers: Mapping[str, Array], loads: Array, lanes: Lanes) -> dict[str, Array]:
         found = {}
         for name, values in numbers.items():
-            factors, value = self._shares.get((prefix, name)), self._of(values, lanes)
+            factors, value = self._shares.get((prefix, name)), of_lanes(values, lanes)
             found[name] = value if factors is None else value * (1.0 + loads @ factors)
         return found
-
-    @staticmethod
-    def _of(values: Array, lanes: Lanes) -> Array:
-        return values if len(values) == 1 else values[lanes]
 
 
 class _Loads:
@@ -265,20 +261,20 @@ class _Loads:
 
     def at(self, theta: Array, lanes: Lanes, levels: Array | None = None, derivative: int = 0) -> Array:
         """Return the values of all loads, or a derivative of them over theta, shape (L, loads)."""
-        cosines, sines = _lanes(self._cosines, lanes), _lanes(self._sines, lanes)
+        cosines, sines = of_lanes(self._cosines, lanes), of_lanes(self._sines, lanes)
         for _ in range(derivative):
             cosines, sines = self._orders * sines, -self._orders * cosines
         angles = theta[:, None] * self._orders
         found = (cosines * np.cos(angles) + sines * np.sin(angles)) @ self._sums
         if self.jumping and not derivative:
             high = self.levels(np.real(theta), lanes) if levels is None else levels
-            low, high_level = _lanes(self._low, lanes), _lanes(self._high, lanes)
+            low, high_level = of_lanes(self._low, lanes), of_lanes(self._high, lanes)
             found[:, self.jumping] = low + (high_level - low) * high
         return found
 
     def levels(self, theta: Array, lanes: Lanes) -> Array:
         """See `Equations.levels`."""
-        up, down = _lanes(self._up, lanes), _lanes(self._down, lanes)
+        up, down = of_lanes(self._up, lanes), of_lanes(self._down, lanes)
         return np.asarray((theta[:, None] - up) % np.array(self._cycles) < down - up, dtype=float)
 
     def jumps(self, lane: int) -> Iterator[Array]:
@@ -289,7 +285,8 @@ class _Loads:
             yield np.sort(np.concatenate(both))
 
 
-def _lanes(values: Array, lanes: Lanes) -> Array:
+def of_lanes(values: Array, lanes: Lanes) -> Array:
+    """Return values for some lanes: one for all is one for these."""
     return values if len(values) == 1 else values[lanes]
 
 

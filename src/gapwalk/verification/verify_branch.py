@@ -13,7 +13,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift, period_of
@@ -22,7 +21,7 @@ from gapwalk.bifurcation.special_point import ErrorEstimator, Kind, SpecialPoint
 from gapwalk.bifurcation.steps_over_corners import REACH, smooth_between
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.curve_points import BranchPoint
-from gapwalk.continuation.walk import End, EndReason
+from gapwalk.continuation.walk import End, EndReason, angle
 from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.orbit.orbit import describe_switch, phases
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
@@ -303,7 +302,7 @@ def _between(corrector: Corrector, a: BranchPoint, b: BranchPoint) -> tuple[Bran
     chord = b.x - a.x
     length = length_of(chord)
     way = chord / length
-    turn = max(_angle(a.tangent, way), _angle(b.tangent, way)) / _TURN
+    turn = max(angle(a.tangent, way), angle(b.tangent, way)) / _TURN
     first = BranchPoint(a.value, a.orbit, a.x, a.tangent, a.determinant, 0.0)
     last = BranchPoint(b.value, b.orbit, b.x, b.tangent, b.determinant, length)
     for share in _SHARES:
@@ -319,13 +318,8 @@ def _between(corrector: Corrector, a: BranchPoint, b: BranchPoint) -> tuple[Bran
             except NumericalError:
                 continue
             off = length_of(correction.x - hermite(first, last, share)) / length / _OFF
-            return middle, max(off, turn, _angle(middle.tangent, way) / _TURN)
+            return middle, max(off, turn, angle(middle.tangent, way) / _TURN)
     return None, math.inf
-
-
-def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Return the angle between two unit vectors, in radians."""
-    return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))
 
 
 def confirm(branch: Branch) -> None:

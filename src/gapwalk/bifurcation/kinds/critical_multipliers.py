@@ -635,9 +635,7 @@ class Doubled:
         return np.append(unknowns, orbit.system[equation.parameter or ""])
 
 
-def least_singular(
-    matrix: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+def least_singular(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
     """Return the smallest singular value of a matrix, between its left and right singular vectors."""
     # Inverse iteration with one factorisation takes a tenth of the time of a full singular value decomposition if the
     # matrix is large because of many harmonics. Its errors fall with the square of the ratio of the two smallest

@@ -274,10 +274,7 @@ def wide_planes(plane: OrbitPlane, names: Sequence[str]) -> tuple[OrbitPlane, ..
 
 
 def shifts_at(
-    equation: LocusEquation,
-    unknowns: NDArray[np.float64],
-    scales: NDArray[np.float64],
-    planes: Iterable[OrbitPlane],
+    equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], planes: Iterable[OrbitPlane]
 ) -> NDArray[np.float64]:
     """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters."""
     if isinstance(equation, MultiplierEquation) and not equation.kind.is_turning:

@@ -317,11 +317,7 @@ _TARGETS = {
     (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
 }
 """Value of the second critical multiplier, on a locus of one kind."""
-RESONANT = {
-    Codim2.RESONANT_GRAZING: None,
-    Codim2.GRAZING_MEETS_FOLD: 1.0,
-    Codim2.GRAZING_MEETS_FLIP: -1.0,
-}
+RESONANT = {Codim2.RESONANT_GRAZING: None, Codim2.GRAZING_MEETS_FOLD: 1.0, Codim2.GRAZING_MEETS_FLIP: -1.0}
 """Kinds of points on grazing loci where a touch has a square-root term: the multiplier that no longer depends on it."""
 _ONE = 1e-6  # arclength, and share of its largest value, within which these vanish at one point, as with one coordinate
 _DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola

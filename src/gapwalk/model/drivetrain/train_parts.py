@@ -384,9 +384,7 @@ class Displacing(_Made):
         for each in self.kind.lines(order, frequency, numbers):
             rate = damping * (each.order * frequency)
             yield Line(
-                each.order,
-                stiffness * each.cosine + rate * each.sine,
-                stiffness * each.sine - rate * each.cosine,
+                each.order, stiffness * each.cosine + rate * each.sine, stiffness * each.sine - rate * each.cosine
             )
 
 

@@ -52,10 +52,7 @@ def is_computed(parameter: str) -> bool:
     return last in (PACE, MEAN_SLIP, GROUP_SCALE, STATE_LAG) or last.startswith(MEAN_SPEED)
 
 
-NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{name: getattr(np, name) for name in FUNCTIONS},
-    "pow": np.power,
-}
+NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {**{name: getattr(np, name) for name in FUNCTIONS}, "pow": np.power}
 """The functions of formulas for numbers and arrays, real or complex."""
 
 

@@ -579,11 +579,11 @@ DEGREE, MOMENTS = 8, 4
 
 
 @lru_cache(maxsize=256)
-def edge_polynomial(exponent: float, degree: int = DEGREE, moments: int = MOMENTS) -> tuple[float, ...]:
+def edge_polynomial(exponent: float) -> tuple[float, ...]:
     """Fit ``s**p`` on [0, 1] by ``s Q(s)`` and return the coefficients of ``Q``, that of the highest power first.
 
-    The fit has the value 0 at 0, and the value and the first two derivatives of the power at 1. The first `moments`
-    moments of its error vanish: the integral of the error over ``s``, which is the work; that of the error times
+    The fit has the value 0 at 0, and the value and the first two derivatives of the power at 1. The first moments of
+    its error vanish: the integral of the error over ``s``, which is the work; that of the error times
     ``s``, from which the duration of a passage follows; ... So the motion beyond the edge has almost no error: four
     moments did more in trials than a higher degree, whose large coefficients cost digits. What is left of the
     coefficients minimises the square of the error.
@@ -594,9 +594,9 @@ def edge_polynomial(exponent: float, degree: int = DEGREE, moments: int = MOMENT
     is wrong by 4e-4 of its duration, and 4e-3 of that derivative.
     """
     # Legendre polynomials in z = 2 s - 1 are orthogonal: powers of s would lose ten digits
-    size, p = degree + 1, exponent
+    size, p = DEGREE + 1, exponent
     basis = [legendre.Legendre.basis(k, domain=[0.0, 1.0]) for k in range(size)]
-    nodes, weights = legendre.leggauss(size + moments + 8)
+    nodes, weights = legendre.leggauss(size + MOMENTS + 8)
     s = (nodes + 1.0) / 2.0
     powers = np.array([each(s) for each in basis])
     rows = [
@@ -604,7 +604,7 @@ def edge_polynomial(exponent: float, degree: int = DEGREE, moments: int = MOMENT
         *([each.deriv(j)(1.0) if j else each(1.0) for each in basis] for j in range(3)),
     ]
     wanted = [0.0, 1.0, p, p * (p - 1.0)]
-    for j in range(moments):
+    for j in range(MOMENTS):
         rows.append((powers @ (weights * s**j) / 2.0).tolist())
         wanted.append(1.0 / (p + j + 1.0))
     # the integral of s**p times a Legendre polynomial is a product of ratios

@@ -154,13 +154,13 @@ def merged(tables: Sequence[tuple[float, Series]]) -> tuple[Any, Series]:
     return tuple(mean for mean, _ in tables), tuple((order, *map(tuple, both)) for order, both in parts.items())
 
 
-def orders_at(constants: Mapping[str, Any], frequency: Any, series: str = "series") -> tuple[Any, Series]:
+def orders_at(constants: Mapping[str, Any], frequency: Any) -> tuple[Any, Series]:
     """Return the mean and the series of a load at a frequency W: real or complex, or an array.
 
     Beyond its first and last speed a map is continued, for steps of Newton's method that pass them; systems there are
     refused by their `Structure.pace_limits`.
     """
-    mean, parts, speeds = constants["mean"], constants[series], constants.get("speeds")
+    mean, parts, speeds = constants["mean"], constants["series"], constants.get("speeds")
     if not speeds:
         return mean, parts
     pieces = _pieces(speeds[-1], mean if isinstance(mean, tuple) else (mean,) * len(speeds[-1]), parts)

@@ -112,18 +112,14 @@ class MeasuredTable:
 
 
 def read_table(
-    source: str | os.PathLike[str] | io.StringIO | NamedFile,
-    wanted: Sequence[WantedColumn],
-    *,
-    name: str = "",
-    most: int = MAX_ROWS,
+    source: str | os.PathLike[str] | io.StringIO | NamedFile, wanted: Sequence[WantedColumn], *, most: int = MAX_ROWS
 ) -> MeasuredTable:
     """Read the wanted columns of a file of any format, or of a text: finite numbers, at most so many of a channel.
 
     A column without a given name is found by its unit, if it is the only one with a unit of its kind, or by its role or
     one of its other names.
     """
-    source, name = _source_of(source, name)
+    source, name = _source_of(source)
     with named_errors(name), open_channels(source, ", ".join(each.head for each in wanted)) as file:
         return MeasuredTable(name, _columns(file, wanted, most), file.where)
 
@@ -146,13 +142,12 @@ def named_errors(name: str) -> Iterator[None]:
 
 
 def _source_of(
-    source: str | os.PathLike[str] | io.StringIO | NamedFile, name: str = ""
+    source: str | os.PathLike[str] | io.StringIO | NamedFile,
 ) -> tuple[NamedFile | str | os.PathLike[str], str]:
     """Return a file or a text as something to open, and its name in messages."""
     if isinstance(source, io.StringIO):
-        name = name or "the table"
-        return NamedFile(name, source.getvalue().encode("utf-8", "replace")), name
-    return source, name or (source.name if isinstance(source, NamedFile) else os.path.basename(os.fspath(source)))
+        return NamedFile("the table", source.getvalue().encode("utf-8", "replace")), "the table"
+    return source, source.name if isinstance(source, NamedFile) else os.path.basename(os.fspath(source))
 
 
 def _columns(file: ChannelFile, wanted: Sequence[WantedColumn], most: int) -> dict[str, MeasuredColumn]:

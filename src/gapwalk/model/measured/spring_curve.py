@@ -419,10 +419,7 @@ class Curve:
 
 
 def spring_curve(
-    deflection: ArrayLike,
-    force: ArrayLike,
-    kind: Literal["linear", "cubic"] = "linear",
-    error: float = ERROR,
+    deflection: ArrayLike, force: ArrayLike, kind: Literal["linear", "cubic"] = "linear", error: float = ERROR
 ) -> Curve:
     """Make the curve of a spring from measured points.
 
@@ -506,9 +503,14 @@ def _fewest(data: CurvePoints, error: float) -> list[tuple[Array, Array]] | None
     """Return the points to keep of each section; None if there are too many corners."""
     if data.is_odd:
         return _fewest_of_odd(data, error)
-    found, left = [], MAX_CORNERS - len(data.steps)
-    for x, y in data.sections:
-        kept = thin_polyline(x, y, max(error, _ROUNDING) * data.scale, left + 2)
+    return _thinned(data.sections, max(error, _ROUNDING) * data.scale, MAX_CORNERS - len(data.steps))
+
+
+def _thinned(sections: Sequence[tuple[Array, Array]], distance: float, left: int) -> list[tuple[Array, Array]] | None:
+    """Return the points to keep of each section; None if there are more corners than are left."""
+    found: list[tuple[Array, Array]] = []
+    for x, y in sections:
+        kept = thin_polyline(x, y, distance, left + 2)
         if kept is None:
             return None
         found.append((x[kept], y[kept]))
@@ -523,13 +525,9 @@ def _fewest_of_odd(data: CurvePoints, error: float) -> list[tuple[Array, Array]]
     """
     half = data.right_half()
     left = (MAX_CORNERS - (half.right[0] != 0.0)) // 2 - len(half.steps)
-    found: list[tuple[Array, Array]] = []
-    for x, y in half.sections:
-        kept = thin_polyline(x, y, max(error, _ROUNDING) * data.scale, left + 2)
-        if kept is None:
-            return None
-        found.append((x[kept], y[kept]))
-        left -= len(kept) - 2
+    found = _thinned(half.sections, max(error, _ROUNDING) * data.scale, left)
+    if found is None:
+        return None
     opposite = [(-x[::-1], -y[::-1]) for x, y in reversed(found)]
     if half.right[0] != 0.0:
         return opposite + found

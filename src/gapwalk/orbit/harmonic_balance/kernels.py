@@ -443,17 +443,7 @@ def _add_pairs(pair_forces, pair_arguments, pair_spectra, frequencies, flexibili
     " i8[::1], i8[::1], c16[:, :, ::1])"
 )
 def balance(
-    lines,
-    forces,
-    moved,
-    shift,
-    frequencies,
-    slopes,
-    free,
-    flexibility,
-    pair_forces,
-    pair_arguments,
-    pair_spectra,
+    lines, forces, moved, shift, frequencies, slopes, free, flexibility, pair_forces, pair_arguments, pair_spectra
 ):
     """Compute residual and Jacobian in real forms; forces and derivatives by the parameter, shape (K + 1, contacts)."""
     # `free` and `flexibility` have the lines first, as have the forces that are returned.

@@ -43,10 +43,7 @@ Each has the shape (2, lines).
 
 
 def modulation_of(
-    layout: CoefficientLayout,
-    waves: tuple[Wave, ...],
-    coefficients: NDArray[np.float64],
-    slope: NDArray[np.float64],
+    layout: CoefficientLayout, waves: tuple[Wave, ...], coefficients: NDArray[np.float64], slope: NDArray[np.float64]
 ) -> Modulation:
     """Return the product of some waves."""
     product: Modulation = {Gate(): np.array([[1.0], [0.0]], dtype=complex)}

@@ -368,11 +368,7 @@ class _Curve:
         return (turns @ self.lines.T).real.T, (turns @ self.rates.T).real.T
 
     def _values(
-        self,
-        phi: NDArray[np.float64],
-        x: NDArray[np.float64],
-        v: NDArray[np.float64],
-        levels: list[bool] | None = None,
+        self, phi: NDArray[np.float64], x: NDArray[np.float64], v: NDArray[np.float64], levels: list[bool] | None = None
     ) -> NDArray[np.float64]:
         """Return the force and its derivatives, also at one end of a jump, which the levels say."""
         slots, known = self.slots, self.formulas
