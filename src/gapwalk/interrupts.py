@@ -9,12 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-# LLVM would free its memory twice, and pydantic would report the interruption as a wrong schema
-_WHOLE = os.path.join("llvmlite", "binding"), os.path.join("pydantic", "plugin", "_schema_validator")
+# LLVM would free its memory twice, pydantic would report the interruption as a wrong schema, and SciPy's numbers of
+# Sobol would lose it
+_WHOLE = tuple(
+    os.path.join(*parts)
+    for parts in (("llvmlite", "binding"), ("pydantic", "plugin", "_schema_validator"), ("scipy", "stats", "_qmc"))
+)
 
 
 def end_gently(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt for a signal, but let an import, a call of LLVM, and a schema that is built end first."""
+    """Raise KeyboardInterrupt for a signal, but let an import and what cannot be interrupted end first."""
     while frame is not None:
         name = frame.f_code.co_filename
         if name.startswith("<frozen importlib") or any(part in name for part in _WHOLE):

@@ -10,7 +10,14 @@ import pytest
 from gapwalk.interrupts import end_gently
 
 
-@pytest.mark.parametrize("library", [("llvmlite", "binding", "ffi.py"), ("pydantic", "plugin", "_schema_validator.py")])
+LIBRARIES = (
+    ("llvmlite", "binding", "ffi.py"),
+    ("pydantic", "plugin", "_schema_validator.py"),
+    ("scipy", "stats", "_qmc.py"),
+)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
 def test_a_library_that_cannot_be_left_ends_first(library) -> None:
     ended: list[bool] = []
     text = "end(2, sys._getframe()); ended.append(True)"
