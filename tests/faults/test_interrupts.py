@@ -9,7 +9,6 @@ import pytest
 
 from gapwalk.interrupts import end_gently
 
-
 LIBRARIES = (
     ("llvmlite", "binding", "ffi.py"),
     ("pydantic", "plugin", "_schema_validator.py"),
