@@ -1122,7 +1122,9 @@ class SpecialPoint(Shown):
 
     def __repr__(self) -> str:
         place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
-        return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
+        known = vars(self).get("normal_form")  # it is not computed here
+        nature = self.nature or (known.criticality if known else "")
+        return f"SpecialPoint({', '.join(filter(None, (place, self.change, nature, self.contact)))})"
 
 
 def at_once(special: Sequence[SpecialPoint]) -> list[tuple[SpecialPoint, ...]]:
