@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
 from gapwalk.ensemble.batch_flow import (
+    LIMIT,
     MOST_STEPS,
     Batch,
     BatchFlow,
@@ -35,7 +36,6 @@ from gapwalk.ensemble.kernel_source import Form, Linear, Source
 from gapwalk.ensemble.lane_code import LABELS
 from gapwalk.ensemble.lanes import Lanes, prefers_lanes
 from gapwalk.errors import FlowError, UnfitError
-from gapwalk.flow.flow import LIMIT
 from gapwalk.flow.motion import integrate
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.structure import Structure

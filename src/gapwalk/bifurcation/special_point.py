@@ -1122,8 +1122,7 @@ class SpecialPoint(Shown):
 
     def __repr__(self) -> str:
         place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
-        known = vars(self).get("normal_form")  # it is not computed here
-        nature = self.nature or (known.criticality if known else "")
+        nature = self.nature or getattr(vars(self).get("normal_form"), "criticality", "")  # it is not computed here
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, nature, self.contact)))})"
 
 

@@ -36,7 +36,7 @@ from gapwalk.ensemble.kernel_source import (
     scheme_of,
 )
 from gapwalk.errors import FlowError, ModelError
-from gapwalk.flow.flow import LIMIT, PERIOD, flow_of
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.bounds import Bounded, Counted, Natural, check_fields
 from gapwalk.model.coefficients import ContactSlots, CycleSlots, coefficients_of, layout_of
@@ -553,6 +553,8 @@ def _column(system: System, name: str, values: ArrayLike, count: int) -> NDArray
     return np.broadcast_to(column, (count,))
 
 
+LIMIT = 1e12
+"""Size of a state above which a motion has diverged, as in the exact flow."""
 _PILOT = 64  # forcing periods of the pilot run of a few trajectories that chooses the steps
 _PAYS = 4 * LANES  # number of trajectories above which a pilot run is cheaper than running all of them again
 _PLENTY = 0.2  # fraction of the allowed error below which fewer steps are tried

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.ensemble.batch_flow import fastest
+from gapwalk.ensemble.batch_flow import LIMIT, fastest
 from gapwalk.ensemble.kernel_source import Linear
 from gapwalk.ensemble.lane_code import LABELS, ONE, WIDTH, Code, Form, code_of, refuse
 from gapwalk.errors import UnfitError
-from gapwalk.flow.flow import LIMIT, PERIOD
+from gapwalk.flow.flow import PERIOD
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.structure import Structure

@@ -295,8 +295,6 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TRIES = ((math.inf, 1e-13), (PERIOD / 128, 1e-11), (PERIOD / 2048, 1e-9))  # longest step, and `DrySwitches.unseen`
-LIMIT = 1e12
-"""Size of a state above which a motion has diverged."""
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
 _MOST = 64  # flows in the cache of a process
@@ -468,7 +466,7 @@ class _Integrator:
             rows.append(found)
             if not self._switchboard.land():
                 break
-        if outcome is not Outcome.REACHED or not math.hypot(*self._own.tolist()) <= LIMIT / self._unit:
+        if outcome is not Outcome.REACHED:
             self._refuse(outcome, start)
         return total, rows
 
@@ -576,7 +574,7 @@ class _Integrator:
             raise FlowError(
                 f"more than {_EVENTS} contact events in a forcing period, {where}: the motion chatters without end"
             )
-        if outcome is Outcome.NOT_FINITE or not math.hypot(*state) <= LIMIT:
+        if outcome is Outcome.NOT_FINITE or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
             raise FlowError(
                 f"the motion diverges to infinity in the interval from theta = {start:.6g}; is there a stiffness, and "
                 "a damping that dissipates energy?"
