@@ -7,7 +7,7 @@ from numpy.linalg import norm
 import gapwalk as gw
 from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.errors import ModelError
+from gapwalk.errors import FlowError, ModelError
 from gapwalk.model import Harmonic, System
 from gapwalk.orbit.orbit import stroboscopic
 from tests.attractors.references import figure15, strobes
@@ -28,6 +28,13 @@ def test_a_linear_oscillator_comes_to_its_closed_form():
     assert found.period == 1
     assert found.state == pytest.approx([response.real, (1j * 0.8 * response).real], abs=1e-12)
     assert found.periods < 200  # its transient halves every 9 periods: it is recognised long before it has died away
+
+
+@pytest.mark.parametrize("follow", [settle, gw.classify])
+def test_a_linear_oscillator_with_negative_damping_diverges(follow):
+    system = System(("x",), [[1.0]], [[-0.08]], harmonics=[Harmonic(0.3, {"x": 1.0})], frequency=2.9)
+    with pytest.raises(FlowError, match="diverges"):
+        follow(system)
 
 
 @pytest.mark.parametrize(("frequency", "period"), [(0.45, 3), (0.82, 3), (0.63, 1)])

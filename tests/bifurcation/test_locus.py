@@ -372,6 +372,7 @@ def test_bad_requests_are_refused_with_one_line():
     crossing = follow(find_orbit(symmetric()), "frequency", to=0.8).special(Kind.BRANCH_POINT)[0]
     for special, first, second, to, options, words in (
         (crossing, "frequency", "harmonic1.amplitude", ((0.1, 3), (0, 2)), {}, "a branch point has no locus"),
+        (response().points[0], "frequency", "mean.q1", WIDE, {}, "not at BranchPoint"),
         (flip, "frequency", "frequency", WIDE, {}, "both parameters are 'frequency'"),
         (flip, "frequency", "mean.q2", WIDE, {}, "there is no parameter 'mean.q2'"),
         (flip, "frequency", "mean.q1", ((0.2, 1.0), (0.0, 1.0)), {}, "outside the range from 0.2 to 1"),

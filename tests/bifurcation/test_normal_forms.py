@@ -186,6 +186,7 @@ def test_coefficients_agree_with_differences_of_motions(kind, seed):
     found = [each for of_kind in deviations(kind, range(seed, seed + 1)).values() for each in of_kind]
     assert found
     assert max(found) < 1e-5
+    assert all(each.normal_form.criticality in repr(each) for each in points(kind, seed) if each.normal_form)
 
 
 @pytest.mark.slow

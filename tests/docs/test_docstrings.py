@@ -75,7 +75,7 @@ def test_a_parameter_has_its_type_and_what_is_returned_is_a_link() -> None:
     lines = own_text(gw.find_orbit).splitlines()
     complete(None, "function", "gapwalk.find_orbit", gw.find_orbit, None, lines)  # type: ignore[arg-type]
     assert "system : System" in lines
-    assert "start : str or Sequence[float] or array" in lines
+    assert "start : str or Sequence[float] or array or Orbit" in lines
     assert "`Orbit`" in lines
 
 

@@ -212,6 +212,8 @@ def test_a_waterfall_is_an_array_over_orders(tmp_path: Path) -> None:
     assert bits(read["amplitude.x"]) == bits(found.amplitudes)
     assert bits(read["order"]) == bits(found.orders)
     lines = gw.analysis.spectrum(orbits[0], "x").to_xarray()["lines"]
+    state = orbits[0].to_xarray()["state"]
+    assert float(state["value"].sel(state="x'")) == orbits[0].state[1]
     assert float(lines["amplitude.x"].sel(order=1.0)) == gw.analysis.spectrum(orbits[0], "x").amplitude(1.0)
 
 

@@ -211,7 +211,8 @@ def test_a_special_point_just_beyond_the_edge_begins_no_locus(monkeypatch, undis
         (branch,), notes, failures = follow(*cut)
         first, *others = branch.special_points
         beyond = replace(first, point=replace(first.point, value=1.4 + 1e-9))
-        return (replace(branch, special_points=(beyond, *others)),), notes, failures
+        crossing = replace(first, kind=gw.Kind.BRANCH_POINT)
+        return (replace(branch, special_points=(beyond, crossing, *others)),), notes, failures
 
     first = undisturbed.branches[0].special_points[0]
     assert (first.kind, undisturbed.map.names[0]) == (gw.Kind.FLIP, "flip-1")
@@ -220,6 +221,7 @@ def test_a_special_point_just_beyond_the_edge_begins_no_locus(monkeypatch, undis
     assert result.complete
     assert not result.failures
     assert "flip-2" not in result.map.names
+    assert result.map.notes == ("no loci of the kind branch-point: the sections list these points",)
 
 
 @pytest.mark.slow

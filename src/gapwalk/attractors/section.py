@@ -6,6 +6,7 @@ positions and velocities has a given value.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -14,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import zero_between_signs
+from gapwalk.ensemble.batch_flow import LIMIT
 from gapwalk.ensemble.lanes import prefers_lanes
-from gapwalk.errors import ModelError
+from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
 from gapwalk.flow.motion import Motion, check_state, is_dry
 from gapwalk.model.bounds import Counted, check
@@ -343,7 +345,10 @@ class Strobe:
 
     def arc(self, state: NDArray[np.float64], periods: int = 1) -> Arc:
         """Integrate the motion over some forcing periods, with its transition matrix if requested."""
-        return self._flow.integrate(self._coefficients, state, self.phase, self.phase + PERIOD * periods)
+        arc = self._flow.integrate(self._coefficients, state, self.phase, self.phase + PERIOD * periods)
+        if not math.hypot(*arc.state.tolist()) <= LIMIT:
+            raise FlowError(f"the motion diverges beyond {LIMIT:.0e}; is there a damping that dissipates energy?")
+        return arc
 
     def run(self, state: NDArray[np.float64], count: int, every: int = 1) -> NDArray[np.float64]:
         """Return the next `count` states, `every` forcing periods apart, without the given one."""

@@ -29,6 +29,16 @@ if TYPE_CHECKING:
     import pandas
 
 
+def instabilities_along(points: Sequence[BranchPoint]) -> list[Instability]:
+    """Return the unstable multipliers at each point; a single neutral point has those of its neighbour."""
+    found = [point.instability for point in points]
+    for number, each in enumerate(found):
+        beside = [*found[max(number - 1, 0) : number], *found[number + 1 : number + 2]]
+        if each.label == "neutral" and beside and all(other.label != "neutral" for other in beside):
+            found[number] = beside[0]
+    return found
+
+
 @dataclass(frozen=True)
 class Unexplained:
     """Step of a branch whose changes are not accounted for by its special points: one was missed there."""
@@ -140,12 +150,7 @@ class Branch(Curve, Measured):
     @cached_property
     def instabilities(self) -> tuple[Instability, ...]:
         """Unstable multipliers at each point; a single neutral point, such as an end, has those of its neighbour."""
-        found = [point.instability for point in self.points]
-        for number, each in enumerate(found):
-            beside = [*found[max(number - 1, 0) : number], *found[number + 1 : number + 2]]
-            if each.label == "neutral" and beside and all(other.label != "neutral" for other in beside):
-                found[number] = beside[0]
-        return tuple(found)
+        return tuple(instabilities_along(self.points))
 
     def basins(self, box: Mapping[str, tuple[float, float]], **options: Any) -> Any:
         """Return which share of starts in a box leads to each motion of the branch; see `gapwalk.analysis.shares`."""

@@ -200,6 +200,7 @@ class SplineCurve:
         from scipy.interpolate import CubicSpline  # imported late, because the import is slow
         from scipy.spatial import cKDTree
 
+        self._points = cKDTree(points)
         lengths = _lengths(points)
         # if points nearly coincide, their rounding would bend the spline
         cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]
@@ -228,7 +229,7 @@ class SplineCurve:
             tangent = self._tangent(at)
             at = at + ((places - self._spline(at)) * tangent).sum(axis=1) / (tangent * tangent).sum(axis=1)
             at = np.clip(at, low, high)
-        return np.linalg.norm(places - self._spline(at), axis=1)
+        return np.minimum(np.linalg.norm(places - self._spline(at), axis=1), self._points.query(places)[0])
 
 
 def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1109,7 +1109,8 @@ class SpecialPoint(Shown):
 
     def __repr__(self) -> str:
         place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
-        return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
+        nature = self.nature or getattr(vars(self).get("normal_form"), "criticality", "")  # it is not computed here
+        return f"SpecialPoint({', '.join(filter(None, (place, self.change, nature, self.contact)))})"
 
 
 def at_once(special: Sequence[SpecialPoint]) -> list[tuple[SpecialPoint, ...]]:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from gapwalk.attractors.section import points_of, strobe
 from gapwalk.attractors.settle import Settled
 from gapwalk.attractors.spectrum import spectrum
+from gapwalk.bifurcation.branch import instabilities_along
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.bifurcation.loci.gradient import Gradient, gradient, main_movers, moving_names
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint, at_once, words_of
@@ -142,9 +143,12 @@ def nodes_of(
     """Return the points and special points of a line in the order of the walk, from the point of index `first` on."""
     # `kind` is the kind of a locus; None for a branch.
     begin = points[first].arclength if first and first < len(points) else -np.inf
-    nodes = [
-        (point.arclength, Node(i, point.orbit, _label(point, kind))) for i, point in enumerate(points) if i >= first
-    ]
+    if kind is None:
+        along = instabilities_along([point for point in points if isinstance(point, BranchPoint)])
+        found = [_STABILITY.index(each.label) for each in along]
+    else:
+        found = [labels().index(kind.value)] * len(points)
+    nodes = [(points[i].arclength, Node(i, points[i].orbit, found[i])) for i in range(first, len(points))]
     if first < len(points):
         nodes += [
             (each.point.arclength, Node(-1 - i, each.orbit, _label(each, kind)))
@@ -154,10 +158,8 @@ def nodes_of(
     return [node for _, node in sorted(nodes, key=lambda placed: placed[0])]
 
 
-def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Kind | None) -> int:
-    """Return the label of the line from a point on: the stability of its motions, or the kind of a locus."""
-    if isinstance(each, BranchPoint):
-        return _STABILITY.index(each.instability.label)
+def _label(each: SpecialPoint | Codim2Point, kind: Kind | None) -> int:
+    """Return the label of the line from a special point on: the stability of its motions, or the kind of a locus."""
     if isinstance(each, SpecialPoint):
         return _STABILITY.index(each.after.label)
     assert kind is not None  # these lie on loci

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import ModelError
 from gapwalk.model.problems import given
 
 # Units in the spellings of engineers, read by pint.
@@ -212,7 +213,8 @@ _BY_WORD = {
 def name_kind(word: str, kind: QuantityKind) -> None:
     """Set the kind of the parameters whose names end in a word, as in ``stop.impact_damping``."""
     if _BY_WORD.setdefault(word, kind) is not kind:
-        raise ValueError(f"parameters named {word!r} are {_BY_WORD[word].words} already; choose another name")
+        taken = ", ".join(_BY_WORD)
+        raise ModelError(f"parameters named {word!r} are {_BY_WORD[word].words} already; taken names are {taken}")
 
 
 def kind_of(parameter: str) -> QuantityKind | None:

@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
@@ -45,6 +45,7 @@ from gapwalk.orbit.sticking import (
     transition_of,
     without_kept,
 )
+from gapwalk.summary import Tables, row_of, rows_of
 
 # Measures of one orbit: extrema, mean, rms and harmonics of any of its signals.
 #
@@ -321,6 +322,18 @@ class Orbit(LateFields, Shown):
             raise ValueError("a contact event has the number of a switch that the system does not have")
         if not all(0 <= each < len(structure.contacts) for each in (*self.stuck, *(e.contact for e in self.slips))):
             raise ValueError("friction slips at a contact that the system does not have")
+
+    def tables(self) -> Tables:
+        """Return the state by its names, the multipliers, and the contact events with the names of their contacts."""
+        found = super().tables()
+        names, state = self.system.state_names, self.state.tolist()
+        rows = {
+            "state": [{"state": name, "value": value} for name, value in zip(names, state, strict=True)],
+            "multipliers": [{"multiplier": each} for each in self.multipliers.tolist()],
+        }
+        if self.events:
+            rows["events"] = [{"contact": describe_switch(self, each.switch), **row_of(each)} for each in self.events]
+        return {**found, **{name: partial(rows_of, table) for name, table in rows.items()}}
 
     @cached_property
     def instability(self) -> Instability:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -560,11 +560,11 @@ class BranchDrawing:
             *(look.entry for look in (*looks, CLUSTER, style.UNEXPLAINED) if look.legend in symbols),
         ]
 
-    def write_legend(self, ax: Axes) -> None:
+    def write_legend(self, ax: Axes, foreseen: Collection[str] = ()) -> None:
         """Write the legend, which `finish` writes again if other symbols were drawn than foreseen."""
         if self.legend is not None:
             settled, where = self.legend
-            write_legend(ax, [*self.entries(ax), *settled], where)
+            write_legend(ax, [*self.entries(ax), *settled], where, instead=foreseen)
 
     def _shown(
         self, ax: Axes, without: Region | None = None
@@ -611,10 +611,8 @@ class BranchDrawing:
         if enlarged:
             self.draw_lines(enlarged)
             self._draw_special_points(enlarged, labels)
-        if self.legend is not None and [text for text, _ in self.entries(ax)] != [text for text, _ in foreseen]:
-            for legend in filter(None, (ax.get_legend(), *getattr(ax.figure, "legends", ()))):
-                legend.remove()
-            self.write_legend(ax)
+        if [text for text, _ in self.entries(ax)] != [text for text, _ in foreseen]:
+            self.write_legend(ax, [text for text, _ in foreseen])
 
     def _draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
         """Draw the symbols and their labels outside a given region; those that would lie on one another as a number."""

@@ -24,7 +24,7 @@ from gapwalk.meanings import FILLS
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
 from gapwalk.picture_parts import START, Cells, Parts, Picture, Series, curves_of_loci, pictured
 from gapwalk.plot import style
-from gapwalk.plot.picture import AnyFigure, Finish, Inches, drawing_of, draws, stacked, write_legend
+from gapwalk.plot.picture import AnyFigure, Finish, Inches, drawing_of, draws, is_narrow, stacked, write_legend
 from gapwalk.studies.sweep_study import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -38,6 +38,7 @@ _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any 
 _SWEEP: Inches = (8.0, 5.4)
 _WAYS = {Way.UP: ("up", style.FIRST), Way.DOWN: ("down", style.SECOND), Way.AGAIN: ("again", style.BLACK)}
 _STRIP = 0.16  # height of a strip, in inches
+_UNDER_LEGEND = 0.75  # share of a narrow picture that its legend of several rows leaves
 _MOST_STRIPS = 12
 _SPARSE = 6e4  # number of points up to which they are opaque and large; more are fainter and smaller, so that the shape
 # of dense regions shows
@@ -286,8 +287,10 @@ def draw_sweep(
     # The points are drawn as an image, so that pictures with a hundred thousand points remain small as SVG or PDF.
     _check(sweep, signal)
     shown = _shown_lanes(sweep)
-    above = len(shown) * _STRIP
-    strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, _SWEEP[1] - above])
+    above, room = len(shown) * style.points(_STRIP), figure.bbox.height / figure.figure.dpi
+    if is_narrow(figure):
+        room *= _UNDER_LEGEND
+    strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, room - above])
     draw_points(sweep, ax, signal)
     _draw_strips(strips, sweep, shown)
     strips.set_title(title, wrap=True)

@@ -9,7 +9,7 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, replace
@@ -173,8 +173,9 @@ def write_legend(
     entries: Sequence[tuple[str, Any]],
     where: Literal["below", "above", "inside"] = "below",
     note: str = "",
+    instead: Collection[str] = (),
 ) -> None:
-    """Write a legend of lines, symbols and fills."""
+    """Write a legend of lines, symbols and fills, in place of earlier entries with the texts of `instead`."""
     if not present().legend:
         return
     handles: list[Artist] = [
@@ -187,15 +188,16 @@ def write_legend(
         return
     fills = any(isinstance(handle, Patch) for handle in handles)
     figure: Any = place.figure if isinstance(place, Axes) else place
-    alone = isinstance(figure, Figure) and figure.get_constrained_layout() and (fills or len(figure.axes) == 1)
+    narrow = is_narrow(figure)  # no legend finds room beside the curves of its panels
+    alone = isinstance(figure, Figure) and figure.get_constrained_layout()
+    alone = alone and (fills or narrow or len(figure.axes) == 1)
     is_below = not isinstance(place, Axes) or (alone and where == "below")
     for before in [place.get_legend()] if isinstance(place, Axes) and not is_below else [*figure.legends]:
         if before is not None and before in _written:  # that of another record in the same place
-            known, note = {each.get_label() for each in handles}, note or before.get_title().get_text()
+            known, note = {*(each.get_label() for each in handles), *instead}, note or before.get_title().get_text()
             handles = [*(each for each in _written[before] if each.get_label() not in known), *handles]
             before.remove()
     fills = any(isinstance(handle, Patch) for handle in handles)
-    narrow = is_narrow(figure)
     size: dict[str, Any] = {"columnspacing": 0.9 if narrow else 1.6}
     size["handlelength"] = 1.3 if fills else 2.3 if narrow else 2.9
     if note:
@@ -501,9 +503,10 @@ def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
         with in_style():
             write_heading(sheet, title)
             yield sheet
-            lay_out(sheet)
+            lay_out(sheet, keep=True)
             for finish in _postponed.get() or ():
                 finish()
+            lay_out(sheet)
     finally:
         _postponed.reset(token)
 

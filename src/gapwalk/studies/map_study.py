@@ -456,6 +456,10 @@ class MapWork(Work):
         for branches, notes, failures in queue.sections():
             count = len(self.chart.sections)
             section = MapSection(self._values[count], branches)
+            lost = {special.kind for branch in branches for special in branch.special_points if special.kind.no_locus}
+            absent = [f"no loci of the kind {kind}: the sections list these points" for kind in sorted(lost)]
+            if self.which is None:
+                notes = [*(text for text in absent if text not in self.chart.notes), *notes]
             self.chart = replace(
                 self.chart,
                 sections=(*self.chart.sections, section),

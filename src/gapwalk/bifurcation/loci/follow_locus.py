@@ -650,7 +650,7 @@ def follow_locus(
     Raises
     ------
     ModelError
-        For a branch point, which has no locus; for unknown or equal parameters; for ranges that exclude the start.
+        For a branch point or an ordinary point; for unknown or equal parameters; for ranges that exclude the start.
     ConvergenceError
         If `method` does not confirm the special point to within its tolerance, or needs too many harmonics for it.
     Interrupted
@@ -668,6 +668,11 @@ def follow_locus(
     array([[1.372124, 1.1     ],
            [1.41379 , 0.9     ]])
     """
+    if not isinstance(special, SpecialPoint | Codim2Point):
+        raise ModelError(
+            f"a locus begins at a special point or at a point of codimension two, not at {special!r}; kinds with loci "
+            f"are {', '.join(Kind.with_locus())}; write one of them, as branch.special_points[0]"
+        )
     return trace_locus(start_locus(special, first, second, to, method, kind), walk).to_end(traced_locus, report)
 
 
