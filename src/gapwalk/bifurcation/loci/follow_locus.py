@@ -33,6 +33,7 @@ from gapwalk.bifurcation.loci.locus import (
     find_end_at_graze,
     find_merging,
     half_ahead,
+    is_other_sliding,
     zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
@@ -608,6 +609,7 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
+_ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
 
@@ -633,7 +635,8 @@ def follow_locus(
     to
         The range of each: ``((low, high), (low, high))``.
     kind
-        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
+        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``;
+        at degenerate sliding ``"crossing-sliding"`` or ``"switching-sliding"``.
     walk
         Options of the walk.
     method
@@ -711,6 +714,9 @@ class LocusTracer(Iterator[LocusStep]):
             raise StopIteration
         if self._starts_outwards():
             self.end = LocusEnd(LocusEndReason.START, self.first.values)
+            raise StopIteration
+        if self._leaves_degenerate():
+            self.end = LocusEnd(LocusEndReason.DEGENERATE, self.first.values)
             raise StopIteration
         while True:
             step = self._to_merging() or self._to_graze() or self._around_corner_ahead()
@@ -798,11 +804,22 @@ class LocusTracer(Iterator[LocusStep]):
             table = within.table_at(within.bound(self._first_value(outside)))
             reason, detail = LocusEndReason.TABLE if table else LocusEndReason.RANGE, table
         found = find_codim2(self.beginning.kind, self.beginning.corrector, state.previous, state.point, point)
+        kind = self.beginning.kind
+        # the locus may have begun at degenerate sliding
+        found = [each for each in found if each.kind is not Codim2.DEGENERATE_SLIDING or each.point.arclength > _ACROSS]
         for number, finding in enumerate(found):
-            if self.beginning.kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
-                found, point, reason = found[: number + 1], finding.point, LocusEndReason.RESONANCE
-                detail = ""
-                break
+            if kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
+                reason, detail = LocusEndReason.RESONANCE, ""
+            elif finding.kind is Codim2.DEGENERATE_SLIDING:
+                reason = LocusEndReason.DEGENERATE
+                detail = f"beyond it this curve is a locus of {cast('Sliding', kind).beyond_degenerate}"
+            else:
+                continue
+            found, point = found[: number + 1], finding.point
+            break
+        else:
+            if is_other_sliding(kind, self.beginning.corrector, point):
+                return None
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
         if reason is not None:
             self.end = LocusEnd(reason, step.point.values, detail)
@@ -947,6 +964,12 @@ class LocusTracer(Iterator[LocusStep]):
                 return True
         return False
 
+    def _leaves_degenerate(self) -> bool:
+        """Return True if the locus begins at degenerate sliding, and the first step would lead to the other kind."""
+        kind, corrector, first = self.beginning.kind, self.beginning.corrector, self.beginning.first
+        sides = [is_other_sliding(kind, corrector, first, way * _ACROSS) for way in (-1.0, 1.0)]
+        return self.walk.state.point is first and sides == [False, True]
+
     def _first_value(self, point: BranchPoint) -> float:
         return float(point.x[-2] * self.beginning.corrector.scales[-2])
 
@@ -958,7 +981,9 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _codim2(self, finding: Finding) -> Codim2Point:
         errors = errors_of(finding, self.beginning.corrector)
-        return Codim2Point(finding.kind, self._point(finding.point), finding.contact, errors)
+        slides = finding.kind is Codim2.DEGENERATE_SLIDING
+        contact = self.beginning.contact if slides else finding.contact
+        return Codim2Point(finding.kind, self._point(finding.point), contact, errors)
 
     def _angle(self, point: BranchPoint) -> float:
         if isinstance(self.beginning.equation, GrazingEquation):

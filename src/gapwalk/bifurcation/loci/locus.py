@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, NamedTuple, cast
@@ -47,6 +47,7 @@ class LocusEndReason(Reason):
     TABLE = "a load is not known beyond the end of its table"
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
+    DEGENERATE = "the locus ends at a degenerate-sliding point"
     JOINED = "the locus ends where its orbits repeat after half their period"
     GRAZE = "the locus ends on the locus of a graze, which it touches"
     COARSE = "the motion needs more segments (shooting) or harmonics (harmonic balance)"
@@ -331,6 +332,9 @@ _MERGED = 0.1  # radians from the turning point that grazes all along a grazing 
 _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
+_CLOSE = (0.0, *(way * length for length in (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7) for way in (-1.0, 1.0)))
+"""Arclengths from a point of a locus of sliding at which another one is taken if it cannot be computed."""
+_ACROSS = 1e-6  # arclength from degenerate sliding at which all orbits are known
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
@@ -351,7 +355,7 @@ def find_codim2(
     locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
 ) -> list[Finding]:
     """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
-    interval = StepInterval(corrector, first, last)
+    interval = (_SlidingInterval if isinstance(locus, Sliding) else StepInterval)(corrector, first, last)
     found = [
         Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch), graze.spread)
         for graze in find_grazing(interval, before, first, last)
@@ -359,15 +363,40 @@ def find_codim2(
     ]
     for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = test_function(locus, what, corrector, first)
-        # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
-        unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
-        with suppress(NumericalError) if unknown else nullcontext():
-            zeros = _search(function, interval, first, last, before)
-            genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
-            found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
+        zeros = _search(function, interval, first, last, before)
+        if isinstance(interval, _SlidingInterval):
+            zeros = [interval.refined(function, point) for point in zeros]
+        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+class _SlidingInterval(StepInterval):
+    """Step interval in which a few orbits, where friction could give way to both sides, are replaced by close ones."""
+
+    def at(self, arclength: float) -> BranchPoint:
+        """Return the point at an arclength, or the nearest of some beside it that can be computed."""
+        for aside in _CLOSE:
+            with suppress(NumericalError):
+                return super().at(arclength + aside)
+        return super().at(arclength)
+
+    def refined(self, function: Callable[[BranchPoint], float], zero: BranchPoint) -> BranchPoint:
+        """Return the point at the zero of the secant across a place near a zero, far enough to both sides."""
+        first, *_, last = (each.arclength for each in self.points)
+        sides = [self.at(min(max(zero.arclength + way * _ACROSS, first), last)) for way in (-1.0, 1.0)]
+        (a, at_a), (b, at_b) = ((each.arclength, function(each)) for each in sides)
+        return self.at(a - at_a * (b - a) / (at_b - at_a)) if at_a * at_b < 0.0 else zero
+
+
+def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:
+    """Return True if a point of a locus where slip ends, or one just ahead of it, is of the other kind."""
+    if not isinstance(locus, Sliding) or not locus.tangency:
+        return False
+    x = (point.x + ahead * point.tangent) * corrector.scales
+    return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
 
 
 def tested(locus: Kind) -> list[Codim2]:
@@ -377,7 +406,7 @@ def tested(locus: Kind) -> list[Codim2]:
 
 
 def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
-    return (Codim2.DEGENERATE_SLIDING,) if kind.what == "stop" else ()
+    return (Codim2.DEGENERATE_SLIDING,) if kind.tangency else ()
 
 
 def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:

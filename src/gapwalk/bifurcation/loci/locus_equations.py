@@ -8,6 +8,7 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, NamedTuple, Self, cast
@@ -619,7 +620,8 @@ _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
-_BESIDE = 1e-10  # rate of the first coordinate by which the start is moved where the motion from it is not known
+# shares of the largest rate by which the rates at the start are moved where the motion from it is not known
+_BESIDE = (0.0, 1e-10, -1e-10, 1e-9, -1e-9)
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -685,13 +687,15 @@ class SlidingEquation(LocusEquation):
 
     def tangency(self, unknowns: Array, value: float) -> float:
         """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
-        place = self.place(unknowns, value)
-        try:
-            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
-        except FlowError:  # a motion that begins exactly there could go either way
-            place = self.place(unknowns + _BESIDE * (np.arange(len(unknowns)) == self.plane.system.size), value)
-            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
-        return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
+        n, rates = self.plane.system.size, np.zeros(len(unknowns))
+        rates[n : 2 * n] = np.abs(unknowns[n : 2 * n]).max()
+        for aside in _BESIDE:  # a motion that comes exactly there could go either way
+            with suppress(FlowError):
+                place = self.place(unknowns + aside * rates, value)
+                angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+                rate = _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side)
+                return rate / self.units[1]
+        raise FlowError("the motion could go either way where slip ends")
 
     def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
         """Return both conditions, and their derivatives by unknowns, angle and parameters."""
