@@ -371,7 +371,7 @@ def loaded(damping: float, frequency: float) -> gw.System:
     return gw.System(["x"], [[1.0]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=frequency)
 
 
-def locus_of(system: gw.System, kind: str, contact: str) -> gw.Locus:
+def locus_of(system: gw.System, kind: str, contact: str):
     branch = gw.follow(gw.find_orbit(system), "f.limit", (0.24, 0.36), walk=LONG)
     special = next(each for each in branch.special(kind) if each.contact == contact)
     return gw.follow_locus(special, *PLANE)

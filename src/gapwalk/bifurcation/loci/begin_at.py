@@ -34,7 +34,7 @@ def special_at(start: SpecialPoint | Codim2Point, kind: str | None) -> SpecialPo
     names = ("fold", "flip", "neimark-sacker", *("grazing",) * bool(start.contact))
     if slides := start.kind is Codim2.DEGENERATE_SLIDING:
         names = ("crossing-sliding", "switching-sliding")
-    if wanted not in names:
+    if wanted is None or wanted not in names:
         raise ModelError(
             f"kind is {kind!r}; several loci meet at {start}: write the kind that begins there, one of {names}"
         )

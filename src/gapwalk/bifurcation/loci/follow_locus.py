@@ -30,10 +30,12 @@ from gapwalk.bifurcation.loci.locus import (
     LocusPoint,
     errors_of,
     find_codim2,
+    find_degenerate,
     find_end_at_graze,
     find_merging,
     half_ahead,
     is_other_sliding,
+    since_begin,
     zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
@@ -609,6 +611,7 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
+_OVER_START = 1.0  # radians by which a step may put an instant later in its phase
 _ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
@@ -775,6 +778,9 @@ class LocusTracer(Iterator[LocusStep]):
         # corner wherever a contact begins or ceases to touch.
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
+        if isinstance(self.beginning.equation, SlidingEquation):  # the instant may not step over the start of its phase
+            since = [since_begin(self.beginning.corrector, each)[0] for each in (state.point, last)]
+            return not since[1] > since[0] + _OVER_START
         if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
@@ -842,13 +848,18 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _to_graze(self) -> LocusStep | None:
         """Return the last step, if it leads to a graze at which the locus ends."""
+        state, own = self.walk.state, self.beginning
+        with suppress(NumericalError):
+            end = find_degenerate(own.corrector, own.contact, state.previous, state.point)
+            if end is not None:
+                return self._ended_at(end, LocusEndReason.DEGENERATE, "crossing- and switching-sliding meet there")
         ends = *self._ends_of_multipliers(), *self._ends_at_half(), *self._ends_at_another()
-        return self._ended_at(ends[0]) if ends else None
+        return self._ended_at(ends[0], LocusEndReason.GRAZE, ends[0].kind.value.replace("-", " ")) if ends else None
 
-    def _ended_at(self, found: Finding) -> LocusStep:
-        """Return the last step, to the end of the locus at a graze."""
+    def _ended_at(self, found: Finding, reason: LocusEndReason, detail: str) -> LocusStep:
+        """Return the last step, to the end of the locus at a point of codimension two."""
         step = LocusStep(self._point(found.point), [self._codim2(found)])
-        self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
+        self.end = LocusEnd(reason, step.point.values, detail)
         return step
 
     @cached_property
@@ -936,7 +947,8 @@ class LocusTracer(Iterator[LocusStep]):
         if corner is None:
             return None
         if corner.beyond is None:
-            return self._ended_at(corner.finding)
+            ended = corner.finding
+            return self._ended_at(ended, LocusEndReason.GRAZE, ended.kind.value.replace("-", " "))
         if self._passes_start(state.point, corner):
             self.end = LocusEnd(LocusEndReason.CLOSED, self.first.values)
             length = state.point.arclength + float(np.linalg.norm(self.first.x - state.point.x))
@@ -982,7 +994,7 @@ class LocusTracer(Iterator[LocusStep]):
     def _codim2(self, finding: Finding) -> Codim2Point:
         errors = errors_of(finding, self.beginning.corrector)
         slides = finding.kind is Codim2.DEGENERATE_SLIDING
-        contact = self.beginning.contact if slides else finding.contact
+        contact = finding.contact or self.beginning.contact * slides
         return Codim2Point(finding.kind, self._point(finding.point), contact, errors)
 
     def _angle(self, point: BranchPoint) -> float:

@@ -21,8 +21,10 @@ from gapwalk.bifurcation.loci.locus_equations import (
     GrazingEquation,
     MultiplierEquation,
     Secant,
+    ShotPlane,
     SlidingEquation,
     onto_curve,
+    posed,
     zero_along,
 )
 from gapwalk.bifurcation.special_point import Kind, StepInterval
@@ -338,6 +340,7 @@ _ACROSS = 1e-6  # arclength from degenerate sliding at which all orbits are know
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
+_ENDING = 0.02  # distance within which the end of a locus of sliding is sought
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
 
@@ -685,3 +688,45 @@ def find_merging(corrector: Corrector, before: BranchPoint | None, point: Branch
     way = end - point.x
     length = float(np.linalg.norm(way))
     return corrector.uncorrected(end, way / length, point.arclength + length) if length < _OVER * distance else None
+
+
+def find_degenerate(
+    corrector: Corrector, contact: str, before: BranchPoint | None, point: BranchPoint
+) -> Finding | None:
+    """Locate the end of a locus of sliding within a phase, just ahead at degenerate sliding; None if it is not there."""
+    # The instant comes to the beginning of its phase, where slip in the other direction ends: to the locus of that.
+    equation, scales = corrector.equation, corrector.scales
+    if before is None or not isinstance(equation, SlidingEquation):
+        return None
+    (past, _), (now, begin) = (since_begin(corrector, each) for each in (before, point))
+    reach = (point.arclength - before.arclength) * now / (past - now) if now < past else math.inf
+    if not reach < _ENDING:
+        return None
+    other = contact[:-1] + ("-" if contact.endswith("+") else "+")
+    units, kind = equation.plane.scales(point.orbit), Kind.SWITCHING_SLIDING
+    plane = cast("ShotPlane", equation.plane)
+    ends = Corrector(posed(plane, kind, point.orbit, other, float(units[0]), plane.tolerance), scales)
+    start = point.x.copy()
+    start[-3] = begin / scales[-3]
+    correction, tangent = onto_curve(ends, start)
+    if correction is None:
+        return None
+    ways = [way * _OVER * reach for way in (-1.0, 1.0)]
+    sides = [ends.correct(correction.x + way * tangent, tangent) for way in ways]
+    if any(each is None for each in sides):
+        return None
+    first, last = (ends.point(each, tangent, way) for each, way in zip(sides, ways, strict=True) if each is not None)
+    for found in find_codim2(kind, ends, None, first, last):
+        way = found.point.x - point.x
+        if found.kind is Codim2.DEGENERATE_SLIDING and float(way @ point.tangent) > 0.0:
+            ahead = found.point.tangent * math.copysign(1.0, float(found.point.tangent @ way))
+            there = replace(found.point, tangent=ahead, arclength=point.arclength + float(np.linalg.norm(way)))
+            return found._replace(point=there, contact=other)
+    return None
+
+
+def since_begin(corrector: Corrector, point: BranchPoint) -> tuple[float, float]:
+    """Return the angle from the beginning of the phase to the instant of a point of sliding, and that beginning."""
+    angle = float(point.x[-3] * corrector.scales[-3])
+    begin = cast("SlidingEquation", corrector.equation).begins(point.orbit.slips, angle)
+    return angle - begin, begin

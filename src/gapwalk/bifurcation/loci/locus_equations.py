@@ -7,7 +7,8 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -25,13 +26,14 @@ from gapwalk.continuation.corrector import Correction, Corrector, unknown_scales
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
+from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.flow.motion import DryModes, Gauge, modes_along
 from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.orbit.sticking import Closure, FrictionGauge, Margin, released, transition_of
+from gapwalk.orbit.sticking import Closure, FrictionGauge, FrictionPhase, Margin, released, transition_of
 
 # Orbits of one system in the plane of two parameters: the interface that the equations of all loci use.
 #
@@ -619,6 +621,7 @@ _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
+_CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of an angle at which least values are sought
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 # shares of the largest rate by which the rates at the start are moved where the motion from it is not known
 _BESIDE = (0.0, 1e-10, -1e-10, 1e-9, -1e-9)
@@ -678,12 +681,21 @@ class SlidingEquation(LocusEquation):
         plane, (_, contact, side), full = cast("ShotPlane", self.plane), self.instant, PERIOD * self.period
         structure = plane.system.structure
         angle = theta % full
-        lead = min(self.lead, angle) if self.lead >= full else self.lead
+        since = angle - self.begins(place.evidence.slips, angle)
+        lead = min(self.lead, angle) if self.lead >= full else min(self.lead, 0.5 * since)
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
         modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
         return angle, there, by_all, gauge, gauge.slipping(modes, side), gauge.sticking(modes)
+
+    def begins(self, slips: Sequence[SlipEvent], angle: float) -> float:
+        """Return the last angle before an instant within a phase at which slip in the other direction ends."""
+        what, contact, side = self.instant
+        own = [event for event in slips if event.contact == contact and what != "stop"]
+        pairs, full = zip([*own[-1:], *own[:-1]], own, strict=True), PERIOD * self.period
+        since = ((angle - event.theta) % full for before, event in pairs if before.slip == -side != event.slip)
+        return angle - min(since, default=math.inf)
 
     def tangency(self, unknowns: Array, value: float) -> float:
         """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
@@ -748,9 +760,33 @@ def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
         shortest = min(own, key=lambda phase: phase.length)
         theta, value = margin(orbit, Change(contact, *within, shortest.start, False), shortest.start)
         alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
+    if not alike and within is not None:
+        alike = [*_close_to_begins(orbit, instant, phases)]
     if not alike:
         raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
     return min(alike, key=lambda each: abs(each.value) / each.range)
+
+
+def _close_to_begins(orbit: Orbit, instant: Instant, phases: Sequence[FrictionPhase]) -> Iterator[Margin]:
+    """Yield the least values just after slip in the other direction ends, between the samples of other margins."""
+    what, contact, side = instant
+    mode, thetas, gauge = side * (what == "rate"), None, FrictionGauge(layout_of(orbit.system.structure), contact)
+    for before, phase in zip([*phases[-1:], *phases[:-1]], phases, strict=True):
+        if before.mode != -side or phase.mode != mode:
+            continue
+        thetas = phase.start + min(_LEAD, phase.length) * _CLOSER
+        slopes = np.array([_slope(gauge, orbit, what, side, theta) for theta in thetas])
+        for theta in thetas[1:][(slopes[:-1] < 0.0) & (slopes[1:] > 0.0)].tolist():
+            with suppress(LookupError):
+                theta, value = margin(orbit, Change(contact, mode, side - mode, mode, theta, False), theta)
+                yield Margin(contact, what, side, theta, value, _range(orbit, instant, theta))
+
+
+def _slope(gauge: FrictionGauge, orbit: Orbit, what: str, side: int, theta: float) -> float:
+    """Return the change of the slip rate, or of the reserve, at an angle of a motion."""
+    now, function = instant_in(orbit, theta), gauge.rate if what == "rate" else gauge.reserve
+    modes = gauge.slipping(now.modes, side) if what == "rate" else gauge.sticking(now.modes)
+    return float(gauge.change(function, coefficients_of(orbit.system), now.theta, now.state, modes, side))
 
 
 def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
