@@ -611,7 +611,7 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
-_OVER_START = 1.0  # radians by which a step may put an instant later in its phase
+_CLOSE_TO_START, _AT_ONCE = 0.3, 0.4  # radians from the start of a phase, and the least share of them after a step
 _ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
@@ -779,8 +779,8 @@ class LocusTracer(Iterator[LocusStep]):
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
         if isinstance(self.beginning.equation, SlidingEquation):  # the instant may not step over the start of its phase
-            since = [since_begin(self.beginning.corrector, each)[0] for each in (state.point, last)]
-            return not since[1] > since[0] + _OVER_START
+            now, then = (since_begin(self.beginning.corrector, each)[0] for each in (state.point, last))
+            return now > _CLOSE_TO_START or (then < now + _CLOSE_TO_START and (then > _AT_ONCE * now or not is_coarse))
         if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)

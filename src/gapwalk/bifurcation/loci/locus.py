@@ -340,7 +340,7 @@ _ACROSS = 1e-6  # arclength from degenerate sliding at which all orbits are know
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
-_ENDING = 0.02  # distance within which the end of a locus of sliding is sought
+_ENDING, _OVERS = 0.02, (2.0, 1.2)  # distance within which the end of a locus of sliding is sought, and shares of it
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
 
@@ -391,7 +391,14 @@ class _SlidingInterval(StepInterval):
         first, *_, last = (each.arclength for each in self.points)
         sides = [self.at(min(max(zero.arclength + way * _ACROSS, first), last)) for way in (-1.0, 1.0)]
         (a, at_a), (b, at_b) = ((each.arclength, function(each)) for each in sides)
-        return self.at(a - at_a * (b - a) / (at_b - at_a)) if at_a * at_b < 0.0 else zero
+        place = a - at_a * (b - a) / (at_b - at_a) if at_a * at_b < 0.0 else zero.arclength
+        known = list[BranchPoint]()
+        for aside in _CLOSE:
+            with suppress(NumericalError):
+                point = self.at(place + aside)
+                _ = point.orbit.extremes  # the motion is known all along
+                known.append(point)
+        return min(known, key=lambda point: abs(function(point)), default=zero)
 
 
 def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:
@@ -416,7 +423,8 @@ def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
     """Return the estimated errors of both values at a point of codimension two."""
     along = 4.0 * finding.error * np.abs(finding.point.tangent[-2:]) if finding.error < np.inf else np.full(2, np.inf)
     size = float(np.abs(finding.point.orbit.extremes[:, :2]).max())
-    share = MARGIN * float(corrector.scales[0]) / size if finding.contact else _EXACT
+    grazes = finding.contact and finding.kind is not Codim2.DEGENERATE_SLIDING
+    share = MARGIN * float(corrector.scales[0]) / size if grazes else _EXACT
     errors = (along + 4.0 * share * np.abs(finding.point.x[-2:])) * corrector.scales[-2:]
     return float(errors[0]), float(errors[1])
 
@@ -693,7 +701,7 @@ def find_merging(corrector: Corrector, before: BranchPoint | None, point: Branch
 def find_degenerate(
     corrector: Corrector, contact: str, before: BranchPoint | None, point: BranchPoint
 ) -> Finding | None:
-    """Locate the end of a locus of sliding within a phase, just ahead at degenerate sliding; None if it is not there."""
+    """Locate the end of a locus of sliding within a phase, just ahead at degenerate sliding; None if none is."""
     # The instant comes to the beginning of its phase, where slip in the other direction ends: to the locus of that.
     equation, scales = corrector.equation, corrector.scales
     if before is None or not isinstance(equation, SlidingEquation):
@@ -711,16 +719,15 @@ def find_degenerate(
     correction, tangent = onto_curve(ends, start)
     if correction is None:
         return None
-    ways = [way * _OVER * reach for way in (-1.0, 1.0)]
-    sides = [ends.correct(correction.x + way * tangent, tangent) for way in ways]
-    if any(each is None for each in sides):
+    ahead = tangent * math.copysign(1.0, float(np.delete(tangent * point.tangent, -3).sum()))
+    tried = (ends.correct(correction.x + over * reach * ahead, ahead) for over in _OVERS)
+    if (beyond := next(filter(None, tried), None)) is None:
         return None
-    first, last = (ends.point(each, tangent, way) for each, way in zip(sides, ways, strict=True) if each is not None)
-    for found in find_codim2(kind, ends, None, first, last):
-        way = found.point.x - point.x
-        if found.kind is Codim2.DEGENERATE_SLIDING and float(way @ point.tangent) > 0.0:
-            ahead = found.point.tangent * math.copysign(1.0, float(found.point.tangent @ way))
-            there = replace(found.point, tangent=ahead, arclength=point.arclength + float(np.linalg.norm(way)))
+    first, length = ends.point(correction, ahead, 0.0), float(np.linalg.norm(beyond.x - correction.x))
+    for found in find_codim2(kind, ends, None, first, ends.point(beyond, ahead, length)):
+        if found.kind is Codim2.DEGENERATE_SLIDING:
+            length = float(np.linalg.norm(found.point.x - point.x))
+            there = replace(found.point, arclength=point.arclength + length)
             return found._replace(point=there, contact=other)
     return None
 
