@@ -611,7 +611,10 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
-_CLOSE_TO_START, _AT_ONCE = 0.3, 0.4  # radians from the start of a phase, and the least share of them after a step
+_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: where it ends, and where it is not known
+_NEAR_DEGENERATE = 0.01  # arclength from degenerate sliding at which a locus may end short of it
+_SHORT_OF = "a degenerate-sliding point is near, but was not located"
+_AT_ONCE = 0.4  # the least share of them after a step
 _ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 
@@ -735,7 +738,8 @@ class LocusTracer(Iterator[LocusStep]):
                 end = self.walk.end
                 assert end is not None
                 if end.reason is not EndReason.STEP or not is_coarse:
-                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(self.walk.point), end.detail)
+                    detail = _SHORT_OF if end.reason is EndReason.STEP and self._is_near_degenerate() else end.detail
+                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(self.walk.point), detail)
                     raise
                 step = self._around_corner(_AT * _CORNER, [])
                 if step is not None:
@@ -780,7 +784,7 @@ class LocusTracer(Iterator[LocusStep]):
             return False
         if isinstance(self.beginning.equation, SlidingEquation):  # the instant may not step over the start of its phase
             now, then = (since_begin(self.beginning.corrector, each)[0] for each in (state.point, last))
-            return now > _CLOSE_TO_START or (then < now + _CLOSE_TO_START and (then > _AT_ONCE * now or not is_coarse))
+            return now > _CLOSE_TO_START or max(_AT_START, _AT_ONCE * now * is_coarse) < then < now + _CLOSE_TO_START
         if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
@@ -975,6 +979,14 @@ class LocusTracer(Iterator[LocusStep]):
             if slope != 0.0 and abs(value - bound) <= _EDGE * (within.high - within.low):
                 return True
         return False
+
+    def _is_near_degenerate(self) -> bool:
+        """Return True if degenerate sliding is so close that Newton's method may fail."""
+        point, corrector = self.walk.point, self.beginning.corrector
+        if not isinstance(corrector.equation, SlidingEquation):
+            return False
+        is_other = is_other_sliding(self.beginning.kind, corrector, point, _NEAR_DEGENERATE)
+        return is_other or since_begin(corrector, point)[0] < _CLOSE_TO_START
 
     def _leaves_degenerate(self) -> bool:
         """Return True if the locus begins at degenerate sliding, and the first step would lead to the other kind."""
