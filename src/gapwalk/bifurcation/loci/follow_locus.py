@@ -611,12 +611,12 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
-_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: where it ends, and where it is not known
+_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: close to it, and where the two are one
+_AT_ONCE = 0.4  # the least share of them after a step
 _NEAR_DEGENERATE = 0.01  # arclength from degenerate sliding at which a locus may end short of it
 _SHORT_OF = "a degenerate-sliding point is near, but was not located"
-_AT_ONCE = 0.4  # the least share of them after a step
 _ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
-_ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
+_ENDS = {Kind.NEIMARK_SACKER: (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)}  # the pair is real beyond them
 
 
 def follow_locus(
@@ -782,9 +782,10 @@ class LocusTracer(Iterator[LocusStep]):
         # corner wherever a contact begins or ceases to touch.
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
-        if isinstance(self.beginning.equation, SlidingEquation):  # the instant may not step over the start of its phase
-            now, then = (since_begin(self.beginning.corrector, each)[0] for each in (state.point, last))
-            return now > _CLOSE_TO_START or max(_AT_START, _AT_ONCE * now * is_coarse) < then < now + _CLOSE_TO_START
+        now, then = (since_begin(self.beginning.corrector, each) for each in (state.point, last))
+        least = max(_AT_START, _AT_ONCE * now * is_coarse)  # the instant may not step over the start of its phase
+        if now < _CLOSE_TO_START and not least < then < now + _CLOSE_TO_START:
+            return False
         if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
@@ -818,15 +819,10 @@ class LocusTracer(Iterator[LocusStep]):
         # the locus may have begun at degenerate sliding
         found = [each for each in found if each.kind is not Codim2.DEGENERATE_SLIDING or each.point.arclength > _ACROSS]
         for number, finding in enumerate(found):
-            if kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
-                reason, detail = LocusEndReason.RESONANCE, ""
-            elif finding.kind is Codim2.DEGENERATE_SLIDING:
-                reason = LocusEndReason.DEGENERATE
-                detail = f"beyond it this curve is a locus of {cast('Sliding', kind).beyond_degenerate}"
-            else:
-                continue
-            found, point = found[: number + 1], finding.point
-            break
+            if finding.kind in _ENDS.get(kind, (Codim2.DEGENERATE_SLIDING,)):
+                found, point = found[: number + 1], finding.point
+                reason, detail = self._reason_at(finding)
+                break
         else:
             if is_other_sliding(kind, self.beginning.corrector, point):
                 return None
@@ -854,17 +850,27 @@ class LocusTracer(Iterator[LocusStep]):
         """Return the last step, if it leads to a graze at which the locus ends."""
         state, own = self.walk.state, self.beginning
         with suppress(NumericalError):
-            end = find_degenerate(own.corrector, own.contact, state.previous, state.point)
-            if end is not None:
-                return self._ended_at(end, LocusEndReason.DEGENERATE, "crossing- and switching-sliding meet there")
+            if end := find_degenerate(own.corrector, own.contact, state.previous, state.point):
+                return self._ended_at(end)
         ends = *self._ends_of_multipliers(), *self._ends_at_half(), *self._ends_at_another()
-        return self._ended_at(ends[0], LocusEndReason.GRAZE, ends[0].kind.value.replace("-", " ")) if ends else None
+        return self._ended_at(ends[0]) if ends else None
 
-    def _ended_at(self, found: Finding, reason: LocusEndReason, detail: str) -> LocusStep:
-        """Return the last step, to the end of the locus at a point of codimension two."""
+    def _ended_at(self, found: Finding) -> LocusStep:
+        """Return the last step, to the end of the locus at a graze or at degenerate sliding."""
         step = LocusStep(self._point(found.point), [self._codim2(found)])
+        reason, detail = self._reason_at(found)
         self.end = LocusEnd(reason, step.point.values, detail)
         return step
+
+    def _reason_at(self, found: Finding) -> tuple[LocusEndReason, str]:
+        """Return the reason why the locus ends at a point of codimension two, and an explanation."""
+        if found.kind in _ENDS[Kind.NEIMARK_SACKER]:
+            return LocusEndReason.RESONANCE, ""
+        if found.kind is not Codim2.DEGENERATE_SLIDING:
+            return LocusEndReason.GRAZE, found.kind.value.replace("-", " ")
+        other = cast("Sliding", self.beginning.kind).beyond_degenerate
+        words = f"beyond it this curve is a locus of {other}" if other else "crossing- and switching-sliding meet there"
+        return LocusEndReason.DEGENERATE, words
 
     @cached_property
     def _jumping(self) -> frozenset[int]:
@@ -951,8 +957,7 @@ class LocusTracer(Iterator[LocusStep]):
         if corner is None:
             return None
         if corner.beyond is None:
-            ended = corner.finding
-            return self._ended_at(ended, LocusEndReason.GRAZE, ended.kind.value.replace("-", " "))
+            return self._ended_at(corner.finding)
         if self._passes_start(state.point, corner):
             self.end = LocusEnd(LocusEndReason.CLOSED, self.first.values)
             length = state.point.arclength + float(np.linalg.norm(self.first.x - state.point.x))
@@ -983,15 +988,13 @@ class LocusTracer(Iterator[LocusStep]):
     def _is_near_degenerate(self) -> bool:
         """Return True if degenerate sliding is so close that Newton's method may fail."""
         point, corrector = self.walk.point, self.beginning.corrector
-        if not isinstance(corrector.equation, SlidingEquation):
-            return False
         is_other = is_other_sliding(self.beginning.kind, corrector, point, _NEAR_DEGENERATE)
-        return is_other or since_begin(corrector, point)[0] < _CLOSE_TO_START
+        return is_other or since_begin(corrector, point) < _CLOSE_TO_START
 
     def _leaves_degenerate(self) -> bool:
         """Return True if the locus begins at degenerate sliding, and the first step would lead to the other kind."""
-        kind, corrector, first = self.beginning.kind, self.beginning.corrector, self.beginning.first
-        sides = [is_other_sliding(kind, corrector, first, way * _ACROSS) for way in (-1.0, 1.0)]
+        start, first = self.beginning, self.beginning.first
+        sides = [is_other_sliding(start.kind, start.corrector, first, way * _ACROSS) for way in (-1.0, 1.0)]
         return self.walk.state.point is first and sides == [False, True]
 
     def _first_value(self, point: BranchPoint) -> float:

@@ -706,16 +706,16 @@ def find_degenerate(
     equation, scales = corrector.equation, corrector.scales
     if before is None or not isinstance(equation, SlidingEquation):
         return None
-    (past, _), (now, begin) = (since_begin(corrector, each) for each in (before, point))
+    past, now = (since_begin(corrector, each) for each in (before, point))
     reach = (point.arclength - before.arclength) * now / (past - now) if now < past else math.inf
     if not reach < _ENDING:
         return None
     other = contact[:-1] + ("-" if contact.endswith("+") else "+")
-    units, kind = equation.plane.scales(point.orbit), Kind.SWITCHING_SLIDING
-    plane = cast("ShotPlane", equation.plane)
-    ends = Corrector(posed(plane, kind, point.orbit, other, float(units[0]), plane.tolerance), scales)
+    plane, kind = cast("ShotPlane", equation.plane), cast("Sliding", Kind.SWITCHING_SLIDING)
+    length = float(plane.scales(point.orbit)[0])
+    ends = Corrector(posed(plane, kind, point.orbit, other, length, plane.tolerance), scales)
     start = point.x.copy()
-    start[-3] = begin / scales[-3]
+    start[-3] -= now / scales[-3]
     correction, tangent = onto_curve(ends, start)
     if correction is None:
         return None
@@ -726,14 +726,14 @@ def find_degenerate(
     first, length = ends.point(correction, ahead, 0.0), float(np.linalg.norm(beyond.x - correction.x))
     for found in find_codim2(kind, ends, None, first, ends.point(beyond, ahead, length)):
         if found.kind is Codim2.DEGENERATE_SLIDING:
-            length = float(np.linalg.norm(found.point.x - point.x))
-            there = replace(found.point, arclength=point.arclength + length)
-            return found._replace(point=there, contact=other)
+            arclength = point.arclength + float(np.linalg.norm(found.point.x - point.x))
+            return found._replace(point=replace(found.point, arclength=arclength), contact=other)
     return None
 
 
-def since_begin(corrector: Corrector, point: BranchPoint) -> tuple[float, float]:
-    """Return the angle from the beginning of the phase to the instant of a point of sliding, and that beginning."""
-    angle = float(point.x[-3] * corrector.scales[-3])
-    begin = cast("SlidingEquation", corrector.equation).begins(point.orbit.slips, angle)
-    return angle - begin, begin
+def since_begin(corrector: Corrector, point: BranchPoint) -> float:
+    """Return the angle from the end of slip in the other direction to an instant within a phase; infinite without."""
+    equation = corrector.equation
+    if not isinstance(equation, SlidingEquation):
+        return math.inf
+    return equation.since_begin(point.orbit.slips, float(point.x[-3] * corrector.scales[-3]))

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margin import Change, margin, modes_around
+from gapwalk.bifurcation.friction_margin import Change, lowest_among, margin, modes_around
 from gapwalk.bifurcation.friction_margin import instant_of as instant_in
 from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coefficient
 from gapwalk.bifurcation.kinds.sliding import Sliding
@@ -33,7 +33,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.orbit.sticking import Closure, FrictionGauge, FrictionPhase, Margin, released, transition_of
+from gapwalk.orbit.sticking import Closure, FrictionGauge, Margin, released, transition_of
 
 # Orbits of one system in the plane of two parameters: the interface that the equations of all loci use.
 #
@@ -681,21 +681,22 @@ class SlidingEquation(LocusEquation):
         plane, (_, contact, side), full = cast("ShotPlane", self.plane), self.instant, PERIOD * self.period
         structure = plane.system.structure
         angle = theta % full
-        since = angle - self.begins(place.evidence.slips, angle)
-        lead = min(self.lead, angle) if self.lead >= full else min(self.lead, 0.5 * since)
+        lead = min(self.lead, angle)
+        if self.lead < full:
+            lead = min(self.lead, 0.5 * self.since_begin(place.evidence.slips, angle))
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
         modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
         return angle, there, by_all, gauge, gauge.slipping(modes, side), gauge.sticking(modes)
 
-    def begins(self, slips: Sequence[SlipEvent], angle: float) -> float:
-        """Return the last angle before an instant within a phase at which slip in the other direction ends."""
+    def since_begin(self, slips: Sequence[SlipEvent], angle: float) -> float:
+        """Return the angle from the end of slip in the other direction to an instant within a phase."""
         what, contact, side = self.instant
         own = [event for event in slips if event.contact == contact and what != "stop"]
         pairs, full = zip([*own[-1:], *own[:-1]], own, strict=True), PERIOD * self.period
         since = ((angle - event.theta) % full for before, event in pairs if before.slip == -side != event.slip)
-        return angle - min(since, default=math.inf)
+        return min(since, default=math.inf)
 
     def tangency(self, unknowns: Array, value: float) -> float:
         """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
@@ -756,37 +757,22 @@ def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
     phases = orbit.friction.get(contact, [])
     within = {"rate": (side, 0, side), "reserve": (0, side, 0)}.get(what)
     own = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == within]
-    if own and within is not None:
-        shortest = min(own, key=lambda phase: phase.length)
-        theta, value = margin(orbit, Change(contact, *within, shortest.start, False), shortest.start)
-        alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
-    if not alike and within is not None:
-        alike = [*_close_to_begins(orbit, instant, phases)]
+    if within is not None and (own or not alike):
+        change = Change(contact, *within, 0.0, False)
+        for near in [min(own, key=lambda phase: phase.length).start] if own else _just_begun(orbit, change):
+            theta, value = margin(orbit, change, near)
+            alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
     if not alike:
         raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
     return min(alike, key=lambda each: abs(each.value) / each.range)
 
 
-def _close_to_begins(orbit: Orbit, instant: Instant, phases: Sequence[FrictionPhase]) -> Iterator[Margin]:
-    """Yield the least values just after slip in the other direction ends, between the samples of other margins."""
-    what, contact, side = instant
-    mode, thetas, gauge = side * (what == "rate"), None, FrictionGauge(layout_of(orbit.system.structure), contact)
-    for before, phase in zip([*phases[-1:], *phases[:-1]], phases, strict=True):
-        if before.mode != -side or phase.mode != mode:
-            continue
-        thetas = phase.start + min(_LEAD, phase.length) * _CLOSER
-        slopes = np.array([_slope(gauge, orbit, what, side, theta) for theta in thetas])
-        for theta in thetas[1:][(slopes[:-1] < 0.0) & (slopes[1:] > 0.0)].tolist():
-            with suppress(LookupError):
-                theta, value = margin(orbit, Change(contact, mode, side - mode, mode, theta, False), theta)
-                yield Margin(contact, what, side, theta, value, _range(orbit, instant, theta))
-
-
-def _slope(gauge: FrictionGauge, orbit: Orbit, what: str, side: int, theta: float) -> float:
-    """Return the change of the slip rate, or of the reserve, at an angle of a motion."""
-    now, function = instant_in(orbit, theta), gauge.rate if what == "rate" else gauge.reserve
-    modes = gauge.slipping(now.modes, side) if what == "rate" else gauge.sticking(now.modes)
-    return float(gauge.change(function, coefficients_of(orbit.system), now.theta, now.state, modes, side))
+def _just_begun(orbit: Orbit, change: Change) -> Iterator[float]:
+    """Yield angles near the least values just after slip in the other direction ends, between the usual samples."""
+    phases = orbit.friction.get(change.contact, [])
+    for (before, mode, _), phase in zip(modes_around(phases), phases, strict=True):
+        if before == -change.side and mode == change.before:
+            yield from lowest_among(orbit, change, phase.start + min(_LEAD, phase.length) * _CLOSER)
 
 
 def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
