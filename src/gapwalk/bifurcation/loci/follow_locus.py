@@ -613,7 +613,7 @@ _BEHIND = 0.1  # distance behind the last point at which a secant to the graze a
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
 _CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: close to it, and where the two are one
 _AT_ONCE = 0.4  # the least share of them after a step
-_NEAR_DEGENERATE = 0.01  # arclength from degenerate sliding at which a locus may end short of it
+_NEAR_DEGENERATE = 0.02  # arclength, and radians, from degenerate sliding at which a locus may end short of it
 _SHORT_OF = "a degenerate-sliding point is near, but was not located"
 _ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = {Kind.NEIMARK_SACKER: (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)}  # the pair is real beyond them
@@ -989,13 +989,13 @@ class LocusTracer(Iterator[LocusStep]):
         """Return True if degenerate sliding is so close that Newton's method may fail."""
         point, corrector = self.walk.point, self.beginning.corrector
         is_other = is_other_sliding(self.beginning.kind, corrector, point, _NEAR_DEGENERATE)
-        return is_other or since_begin(corrector, point) < _CLOSE_TO_START
+        return is_other or since_begin(corrector, point) < _NEAR_DEGENERATE
 
     def _leaves_degenerate(self) -> bool:
         """Return True if the locus begins at degenerate sliding, and the first step would lead to the other kind."""
         start, first = self.beginning, self.beginning.first
-        sides = [is_other_sliding(start.kind, start.corrector, first, way * _ACROSS) for way in (-1.0, 1.0)]
-        return self.walk.state.point is first and sides == [False, True]
+        sides = (is_other_sliding(start.kind, start.corrector, first, way * _ACROSS) for way in (-1.0, 1.0))
+        return self.walk.state.point is first and [*sides] == [False, True]
 
     def _first_value(self, point: BranchPoint) -> float:
         return float(point.x[-2] * self.beginning.corrector.scales[-2])

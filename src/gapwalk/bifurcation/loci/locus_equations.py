@@ -624,7 +624,7 @@ _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest 
 _CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of an angle at which least values are sought
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 # shares of the largest rate by which the rates at the start are moved where the motion from it is not known
-_BESIDE = (0.0, 1e-10, -1e-10, 1e-9, -1e-9)
+_BESIDE = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -702,13 +702,16 @@ class SlidingEquation(LocusEquation):
         """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
         n, rates = self.plane.system.size, np.zeros(len(unknowns))
         rates[n : 2 * n] = np.abs(unknowns[n : 2 * n]).max()
-        for aside in _BESIDE:  # a motion that comes exactly there could go either way
+        for aside in _BESIDE:  # a motion that comes exactly there could go either way; the mean of two is close to it
             with suppress(FlowError):
-                place = self.place(unknowns + aside * rates, value)
-                angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
-                rate = _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side)
-                return rate / self.units[1]
+                asides = (-aside, aside) if aside else (0.0,)
+                return float(np.mean([self._tangency_at(unknowns + each * rates, value) for each in asides]))
         raise FlowError("the motion could go either way where slip ends")
+
+    def _tangency_at(self, unknowns: Array, value: float) -> float:
+        place = self.place(unknowns, value)
+        angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
 
     def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
         """Return both conditions, and their derivatives by unknowns, angle and parameters."""
