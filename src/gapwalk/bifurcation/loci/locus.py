@@ -334,9 +334,9 @@ _MERGED = 0.1  # radians from the turning point that grazes all along a grazing 
 _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
-_CLOSE = (0.0, *(way * length for length in (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7) for way in (-1.0, 1.0)))
+_CLOSE = (0.0, *(way * 10.0**power for power in range(-12, -4) for way in (-1.0, 1.0)))
 """Arclengths from a point of a locus of sliding at which another one is taken if it cannot be computed."""
-_ACROSS = 1e-6  # arclength from degenerate sliding at which all orbits are known
+_ACROSS = 1e-5  # arclength from degenerate sliding at which all orbits are known
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
@@ -358,7 +358,7 @@ def find_codim2(
     locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
 ) -> list[Finding]:
     """Return the points of codimension two between two neighbouring points, in order; `before` is the point before."""
-    interval = (_SlidingInterval if isinstance(locus, Sliding) else StepInterval)(corrector, first, last)
+    interval = StepInterval(corrector, first, last)
     found = [
         Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch), graze.spread)
         for graze in find_grazing(interval, before, first, last)
@@ -366,9 +366,11 @@ def find_codim2(
     ]
     for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = test_function(locus, what, corrector, first)
+        if what is Codim2.DEGENERATE_SLIDING:
+            interval = _DegenerateInterval(corrector, first, last, function)
         zeros = _search(function, interval, first, last, before)
-        if isinstance(interval, _SlidingInterval):
-            zeros = [interval.refined(function, point) for point in zeros]
+        if isinstance(interval, _DegenerateInterval):
+            zeros = [interval.refined(point) for point in zeros]
         genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
         found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
@@ -376,21 +378,28 @@ def find_codim2(
     return sorted(found, key=lambda finding: finding.point.arclength)
 
 
-class _SlidingInterval(StepInterval):
-    """Step interval in which a few orbits, where friction could give way to both sides, are replaced by close ones."""
+class _DegenerateInterval(StepInterval):
+    """Step interval in which orbits so close to degenerate sliding that rounding decides are replaced by close ones."""
+
+    def __init__(
+        self, corrector: Corrector, first: BranchPoint, last: BranchPoint, function: Callable[[BranchPoint], float]
+    ) -> None:
+        super().__init__(corrector, first, last)
+        self._function, self._within = function, (first.arclength, last.arclength)
 
     def at(self, arclength: float) -> BranchPoint:
         """Return the point at an arclength, or the nearest of some beside it that can be computed."""
         for aside in _CLOSE:
             with suppress(NumericalError):
-                return super().at(arclength + aside)
+                point = super().at(min(max(arclength + aside, self._within[0]), self._within[1]))
+                self._function(point)
+                return point
         return super().at(arclength)
 
-    def refined(self, function: Callable[[BranchPoint], float], zero: BranchPoint) -> BranchPoint:
+    def refined(self, zero: BranchPoint) -> BranchPoint:
         """Return the point at the zero of the secant across a place near a zero, far enough to both sides."""
-        first, *_, last = (each.arclength for each in self.points)
-        sides = [self.at(min(max(zero.arclength + way * _ACROSS, first), last)) for way in (-1.0, 1.0)]
-        (a, at_a), (b, at_b) = ((each.arclength, function(each)) for each in sides)
+        sides = (self.at(zero.arclength + way * _ACROSS) for way in (-1.0, 1.0))
+        (a, at_a), (b, at_b) = ((each.arclength, self._function(each)) for each in sides)
         place = a - at_a * (b - a) / (at_b - at_a) if at_a * at_b < 0.0 else zero.arclength
         known = list[BranchPoint]()
         for aside in _CLOSE:
@@ -398,7 +407,7 @@ class _SlidingInterval(StepInterval):
                 point = self.at(place + aside)
                 _ = point.orbit.extremes  # the motion is known all along
                 known.append(point)
-        return min(known, key=lambda point: abs(function(point)), default=zero)
+        return min(known, key=lambda point: abs(self._function(point)), default=zero)
 
 
 def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:

@@ -624,6 +624,7 @@ _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest 
 _CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of an angle at which least values are sought
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 # shares of the largest rate by which the rates at the start are moved where the motion from it is not known
+_ASTRAY = 1e-5  # share of the unknowns by which a motion may miss them after a period
 _BESIDE = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
@@ -710,6 +711,8 @@ class SlidingEquation(LocusEquation):
 
     def _tangency_at(self, unknowns: Array, value: float) -> float:
         place = self.place(unknowns, value)
+        if np.abs(place.residual).max() > _ASTRAY * np.abs(place.unknowns).max():
+            raise FlowError("the motion does not return")
         angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
         return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
 
