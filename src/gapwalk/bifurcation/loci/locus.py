@@ -131,7 +131,8 @@ class Codim2(StrEnum):
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
     DEGENERATE_SLIDING = "degenerate-sliding"
-    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding."""
+    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding, and
+    grazing- or adding-sliding begins."""
     RESONANT_GRAZING = "resonant-grazing"
     """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
     GRAZING_MEETS_FOLD = "grazing-meets-fold"
@@ -415,7 +416,9 @@ def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahea
     if not isinstance(locus, Sliding) or not locus.tangency:
         return False
     x = (point.x + ahead * point.tangent) * corrector.scales
-    return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
+    with suppress(NumericalError):
+        return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
+    return not ahead  # where it is not known, the point is not taken for one of its kind
 
 
 def tested(locus: Kind) -> list[Codim2]:
