@@ -34,8 +34,9 @@ from gapwalk.bifurcation.loci.locus import (
     find_end_at_graze,
     find_merging,
     half_ahead,
-    is_other_sliding,
-    since_begin,
+    leaves_degenerate,
+    leaves_phase,
+    short_of,
     zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
@@ -611,11 +612,6 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
-_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: close to it, and where the two are one
-_AT_ONCE = 0.4  # the least share of them after a step
-_NEAR_DEGENERATE = 0.02  # arclength, and radians, from degenerate sliding at which a locus may end short of it
-_SHORT_OF = "a degenerate-sliding point is near, but was not located"
-_ACROSS = 1e-6  # arclength ahead of degenerate sliding at which its loci differ
 _ENDS = {Kind.NEIMARK_SACKER: (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)}  # the pair is real beyond them
 
 
@@ -718,10 +714,11 @@ class LocusTracer(Iterator[LocusStep]):
     def __next__(self) -> LocusStep:
         if self.end is not None:
             raise StopIteration
+        start = self.beginning
         if self._starts_outwards():
             self.end = LocusEnd(LocusEndReason.START, self.first.values)
             raise StopIteration
-        if self._leaves_degenerate():
+        if self.walk.state.point is start.first and leaves_degenerate(start.kind, start.corrector, start.first):
             self.end = LocusEnd(LocusEndReason.DEGENERATE, self.first.values)
             raise StopIteration
         while True:
@@ -735,11 +732,11 @@ class LocusTracer(Iterator[LocusStep]):
             try:
                 point = next(self.walk)
             except StopIteration:
-                end = self.walk.end
+                end, last = self.walk.end, self.walk.point
                 assert end is not None
                 if end.reason is not EndReason.STEP or not is_coarse:
-                    detail = _SHORT_OF if end.reason is EndReason.STEP and self._is_near_degenerate() else end.detail
-                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(self.walk.point), detail)
+                    short = end.reason is EndReason.STEP and short_of(start.kind, start.corrector, last)
+                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(last), short or end.detail)
                     raise
                 step = self._around_corner(_AT * _CORNER, [])
                 if step is not None:
@@ -782,9 +779,7 @@ class LocusTracer(Iterator[LocusStep]):
         # corner wherever a contact begins or ceases to touch.
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
-        now, then = (since_begin(self.beginning.corrector, each) for each in (state.point, last))
-        least = max(_AT_START, _AT_ONCE * now * is_coarse)  # the instant may not step over the start of its phase
-        if now < _CLOSE_TO_START and not least < then < now + _CLOSE_TO_START:
+        if leaves_phase(self.beginning.corrector, state.point, last, is_coarse=is_coarse):
             return False
         if not self.beginning.kind.by_multipliers:
             return True
@@ -815,17 +810,11 @@ class LocusTracer(Iterator[LocusStep]):
             table = within.table_at(within.bound(self._first_value(outside)))
             reason, detail = LocusEndReason.TABLE if table else LocusEndReason.RANGE, table
         found = find_codim2(self.beginning.kind, self.beginning.corrector, state.previous, state.point, point)
-        kind = self.beginning.kind
-        # the locus may have begun at degenerate sliding
-        found = [each for each in found if each.kind is not Codim2.DEGENERATE_SLIDING or each.point.arclength > _ACROSS]
         for number, finding in enumerate(found):
-            if finding.kind in _ENDS.get(kind, (Codim2.DEGENERATE_SLIDING,)):
+            if finding.kind in _ENDS.get(self.beginning.kind, (Codim2.DEGENERATE_SLIDING,)):
                 found, point = found[: number + 1], finding.point
-                reason, detail = self._reason_at(finding)
+                reason, detail = finding.reason_of_end(self.beginning.kind)
                 break
-        else:
-            if is_other_sliding(kind, self.beginning.corrector, point):
-                return None
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
         if reason is not None:
             self.end = LocusEnd(reason, step.point.values, detail)
@@ -858,19 +847,9 @@ class LocusTracer(Iterator[LocusStep]):
     def _ended_at(self, found: Finding) -> LocusStep:
         """Return the last step, to the end of the locus at a graze or at degenerate sliding."""
         step = LocusStep(self._point(found.point), [self._codim2(found)])
-        reason, detail = self._reason_at(found)
+        reason, detail = found.reason_of_end(self.beginning.kind)
         self.end = LocusEnd(reason, step.point.values, detail)
         return step
-
-    def _reason_at(self, found: Finding) -> tuple[LocusEndReason, str]:
-        """Return the reason why the locus ends at a point of codimension two, and an explanation."""
-        if found.kind in _ENDS[Kind.NEIMARK_SACKER]:
-            return LocusEndReason.RESONANCE, ""
-        if found.kind is not Codim2.DEGENERATE_SLIDING:
-            return LocusEndReason.GRAZE, found.kind.value.replace("-", " ")
-        other = cast("Sliding", self.beginning.kind).beyond_degenerate
-        words = f"beyond it this curve is a locus of {other}" if other else "crossing- and switching-sliding meet there"
-        return LocusEndReason.DEGENERATE, words
 
     @cached_property
     def _jumping(self) -> frozenset[int]:
@@ -984,18 +963,6 @@ class LocusTracer(Iterator[LocusStep]):
             if slope != 0.0 and abs(value - bound) <= _EDGE * (within.high - within.low):
                 return True
         return False
-
-    def _is_near_degenerate(self) -> bool:
-        """Return True if degenerate sliding is so close that Newton's method may fail."""
-        point, corrector = self.walk.point, self.beginning.corrector
-        is_other = is_other_sliding(self.beginning.kind, corrector, point, _NEAR_DEGENERATE)
-        return is_other or since_begin(corrector, point) < _NEAR_DEGENERATE
-
-    def _leaves_degenerate(self) -> bool:
-        """Return True if the locus begins at degenerate sliding, and the first step would lead to the other kind."""
-        start, first = self.beginning, self.beginning.first
-        sides = (is_other_sliding(start.kind, start.corrector, first, way * _ACROSS) for way in (-1.0, 1.0))
-        return self.walk.state.point is first and [*sides] == [False, True]
 
     def _first_value(self, point: BranchPoint) -> float:
         return float(point.x[-2] * self.beginning.corrector.scales[-2])

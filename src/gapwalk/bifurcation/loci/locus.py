@@ -341,6 +341,10 @@ _ACROSS = 1e-5  # arclength from degenerate sliding at which all orbits are know
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
+_BEGUN = 1e-6  # arclength from degenerate sliding within which a locus begins there
+_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: close to it, and where the two are one
+_AT_ONCE = 0.4  # the least share of them after a step
+_NEAR_DEGENERATE = 0.02  # arclength, and radians, from degenerate sliding at which a locus may end short of it
 _ENDING, _OVERS = 0.02, (2.0, 1.2)  # distance within which the end of a locus of sliding is sought, and shares of it
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
@@ -353,6 +357,16 @@ class Finding(NamedTuple):
     contact: str = ""
     error: float = 0.0
     """Arclength within which it is known."""
+
+    def reason_of_end(self, locus: Kind) -> tuple[LocusEndReason, str]:
+        """Return the reason why a locus ends there, and an explanation."""
+        if locus is Kind.NEIMARK_SACKER and self.kind in _COSINES:
+            return LocusEndReason.RESONANCE, ""
+        if self.kind is not Codim2.DEGENERATE_SLIDING:
+            return LocusEndReason.GRAZE, self.kind.value.replace("-", " ")
+        other = cast("Sliding", locus).beyond_degenerate
+        words = f"beyond it this curve is a locus of {other}" if other else "crossing- and switching-sliding meet there"
+        return LocusEndReason.DEGENERATE, words
 
 
 def find_codim2(
@@ -371,7 +385,9 @@ def find_codim2(
             interval = _DegenerateInterval(corrector, first, last, function)
         zeros = _search(function, interval, first, last, before)
         if isinstance(interval, _DegenerateInterval):
-            zeros = [interval.refined(point) for point in zeros]
+            zeros = [interval.refined(point) for point in zeros if point.arclength > _BEGUN]
+            if not zeros and is_other_sliding(locus, corrector, last):
+                raise NumericalError(f"the locus ceases to be one of {locus}, and degenerate sliding was not located")
         genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
         found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
@@ -409,16 +425,6 @@ class _DegenerateInterval(StepInterval):
                 _ = point.orbit.extremes  # the motion is known all along
                 known.append(point)
         return min(known, key=lambda point: abs(self._function(point)), default=zero)
-
-
-def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:
-    """Return True if a point of a locus where slip ends, or one just ahead of it, is of the other kind."""
-    if not isinstance(locus, Sliding) or not locus.tangency:
-        return False
-    x = (point.x + ahead * point.tangent) * corrector.scales
-    with suppress(NumericalError):
-        return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
-    return not ahead  # where it is not known, the point is not taken for one of its kind
 
 
 def tested(locus: Kind) -> list[Codim2]:
@@ -749,3 +755,33 @@ def since_begin(corrector: Corrector, point: BranchPoint) -> float:
     if not isinstance(equation, SlidingEquation):
         return math.inf
     return equation.since_begin(point.orbit.slips, float(point.x[-3] * corrector.scales[-3]))
+
+
+def leaves_phase(corrector: Corrector, point: BranchPoint, last: BranchPoint, *, is_coarse: bool) -> bool:
+    """Return True if a step comes to the beginning of the phase of an instant, or over it, which only its end may."""
+    now, then = (since_begin(corrector, each) for each in (point, last))
+    least = max(_AT_START, _AT_ONCE * now * is_coarse)
+    return now < _CLOSE_TO_START and not least < then < now + _CLOSE_TO_START
+
+
+def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:
+    """Return True if a point of a locus where slip ends, or one just ahead of it, is of the other kind."""
+    if not isinstance(locus, Sliding) or not locus.tangency:
+        return False
+    x = (point.x + ahead * point.tangent) * corrector.scales
+    with suppress(NumericalError):
+        return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
+    return not ahead  # where it is not known, the point is not taken for one of its kind
+
+
+def leaves_degenerate(locus: Kind, corrector: Corrector, first: BranchPoint) -> bool:
+    """Return True if a locus begins at degenerate sliding, and is of the other kind ahead."""
+    sides = (is_other_sliding(locus, corrector, first, way * _BEGUN) for way in (-1.0, 1.0))
+    return [*sides] == [False, True]
+
+
+def short_of(locus: Kind, corrector: Corrector, point: BranchPoint) -> str:
+    """Return the explanation if a locus that cannot be followed further ends short of degenerate sliding."""
+    is_other = is_other_sliding(locus, corrector, point, _NEAR_DEGENERATE)
+    near = is_other or since_begin(corrector, point) < _NEAR_DEGENERATE
+    return "a degenerate-sliding point is near, but was not located" * near
