@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import gapwalk as gw
 from gapwalk.bifurcation.friction_along_branch import changes_between
+from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import flow_of
@@ -303,7 +305,7 @@ def test_rigid_friction_begins_and_ceases_to_slip_where_the_reaction_in_stick_ha
         wave = spring + 1j * damping * frequency
         return abs(0.1 * wave / (wave - frequency**2)) - limit
 
-    exact = brentq(pull, 1.0, 1.25, xtol=1e-14)
+    exact = brentq(pull, 1.0, 1.25, xtol=1e-12)
     there = gw.follow(gw.find_orbit(system), "frequency", 1.0, walk=LONG)
     back = gw.follow(there.points[-1].orbit, "frequency", 1.25, walk=LONG)
     assert there.points[-1].orbit.stuck == (0,)
@@ -363,22 +365,92 @@ def test_two_directions_of_slip_that_change_at_one_corner_turn_the_branch_once(i
     assert not is_verified or gw.verify(branch).breaches == ()
 
 
-@pytest.mark.parametrize(("damping", "place", "bound"), [(0.0, (0.5, 1.0 / 3.0), 4e-8), (0.05, None, 1e-9)])
-def test_crossing_sliding_becomes_switching_sliding_at_the_degenerate_point(damping, place, bound):
-    # without damping slip lasts half a natural period, so that sin(pi W) W^2 / (1 - W^2) is the limit (Csernak and
-    # Licsko 2021), and the friction is at its bound where the load turns
-    loads, pad = [gw.Harmonic(1.0, {"x": 1.0}, phase=0.7)], friction("f", {"x": 1.0}, 0.3)
+def loaded(damping: float, frequency: float, *others: gw.Harmonic) -> gw.System:
+    """Return a mass with rigid friction and a harmonic load, as Den Hartog's."""
+    loads, pad = [gw.Harmonic(1.0, {"x": 1.0}, phase=0.7), *others], friction("f", {"x": 1.0}, 0.3)
+    return gw.System(["x"], [[1.0]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=frequency)
 
-    def points(frequency, kind):
-        system = gw.System(["x"], [[1.0]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=frequency)
-        branch = gw.follow(gw.find_orbit(system), "f.limit", (0.22, 0.5))
-        special = next(each for each in branch.special(kind) if each.contact == "f -")
-        locus = gw.follow_locus(special, "frequency", "f.limit", ((0.44, 0.57), (0.1, 0.6)))
-        return locus.codim2("degenerate-sliding")
 
-    (found,) = points(0.55, "crossing-sliding")
-    if place is None:  # the locus of switching-sliding leads there from the other side
-        (other,) = points(0.45, "switching-sliding")
-        place = other.values
-    assert found.values == pytest.approx(place, abs=bound)
-    assert max(found.errors) < bound
+def locus_of(system: gw.System, kind: str, contact: str):
+    branch = gw.follow(gw.find_orbit(system), "f.limit", (0.24, 0.36), walk=LONG)
+    special = next(each for each in branch.special(kind) if each.contact == contact)
+    return gw.follow_locus(special, *PLANE)
+
+
+PLANE: tuple = ("frequency", "f.limit", ((0.46, 0.53), (0.2, 0.4)))
+
+
+def degenerate_place(damping: float, third: float = 0.0, guess: tuple[float, float] = (0.49, 0.29)) -> np.ndarray:
+    """Return frequency and limit at which the load turns, and friction is at its bound, where slip ends."""
+
+    def load(angle):
+        return np.cos(angle) - third * np.cos(3.0 * angle)
+
+    # if the load grows from there, the mass sticks until it is as large again
+    again = brentq(lambda angle: load(angle) - load(0.0), 0.3, np.pi) if third else 0.0
+
+    def misses(p):
+        def rates(t, y):
+            return [y[1], load(p[0] * t) + p[1] - y[0] - damping * y[1]]
+
+        start, times = [load(0.0) + p[1], 0.0], (again / p[0], np.pi / p[0])
+        end = solve_ivp(rates, times, start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        return end[0] + start[0], end[1]  # the half period after it is the opposite
+
+    return fsolve(misses, guess, xtol=1e-12)
+
+
+def test_without_damping_the_degenerate_point_is_known():
+    # slip lasts half a natural period, so that sin(pi W) W^2 / (1 - W^2) is the limit (Csernak and Licsko 2021), and
+    # the friction is at its bound where the load turns
+    (found,) = locus_of(loaded(0.0, 0.51), "crossing-sliding", "f -").codim2("degenerate-sliding")
+    assert found.values == pytest.approx((0.5, 1.0 / 3.0), abs=4e-8)
+    assert max(found.errors) < 4e-8
+
+
+@pytest.mark.parametrize("contact", ["f +", "f -"])
+@pytest.mark.parametrize(
+    ("kind", "frequency", "other"),
+    [
+        ("crossing-sliding", 0.51, "switching-sliding"),
+        ("switching-sliding", 0.47, "crossing-sliding"),
+        ("grazing-sliding", 0.483, "meet there"),  # begins 0.03 radians after slip in the other direction ends
+    ],
+)
+def test_loci_of_sliding_end_at_the_degenerate_point(kind, frequency, other, contact):
+    locus = locus_of(loaded(0.05, frequency), kind, contact)
+    (found,), place = locus.codim2("degenerate-sliding"), degenerate_place(0.05)
+    assert (found.contact == contact) is (kind != "grazing-sliding")
+    assert np.all(np.abs(found.values - place) <= np.array(found.errors) + 1e-11)
+    assert max(found.errors) < 1e-9
+    side = 1.0 if kind == "crossing-sliding" else -1.0
+    assert np.all(side * (locus.values[:, 0] - place[0]) >= -1e-11)
+    (end,) = (each for each in locus.ends if each.reason is not LocusEndReason.RANGE)
+    assert end.reason is LocusEndReason.DEGENERATE
+    assert end.values == found.values
+    assert other in str(end)
+
+
+@pytest.mark.parametrize("kind", ["crossing-sliding", "adding-sliding", "switching-sliding"])
+def test_adding_sliding_ends_at_the_degenerate_point_where_the_load_curves_up(kind):
+    third = gw.Harmonic(0.3, {"x": 1.0}, order=3, phase=2.1 + np.pi)
+    system = loaded(0.1, 0.5 if kind == "switching-sliding" else 0.48, third)
+    branch = gw.follow(gw.find_orbit(system.at({"f.limit": 0.63})), "f.limit", 0.67, walk=LONG)
+    special = next(each for each in branch.special(kind) if each.contact == "f -")
+    locus = gw.follow_locus(special, "frequency", "f.limit", ((0.47, 0.51), (0.5, 0.8)))
+    (found,), place = locus.codim2("degenerate-sliding"), degenerate_place(0.1, 0.3, (0.493, 0.65))
+    assert np.all(np.abs(found.values - place) <= np.array(found.errors) + 1e-11)
+    assert max(found.errors) < 1e-8
+
+
+@pytest.mark.parametrize("kind", ["crossing-sliding", "switching-sliding"])
+def test_both_loci_begin_at_the_degenerate_point(kind):
+    (found,) = locus_of(loaded(0.05, 0.51), "crossing-sliding", "f +").codim2("degenerate-sliding")
+    locus = gw.follow_locus(found, *PLANE, kind=kind)
+    middle = locus.points[len(locus.points) // 2]
+    value, width = middle.values[1], 2e-3
+    begin = gw.find_orbit(middle.orbit.system.at({"f.limit": value - width}), start=middle.orbit.state)
+    again = gw.follow(begin, "f.limit", value + width, walk=LONG)
+    assert [each.value for each in again.special(kind)] == pytest.approx([value] * 2, abs=1e-9)
+    with pytest.raises(gw.errors.ModelError, match="crossing-sliding"):
+        gw.follow_locus(found, *PLANE, kind="fold")

@@ -99,6 +99,14 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
     return _least(orbit, quantity, change, near)
 
 
+def lowest_among(orbit: Orbit, change: Change, thetas: NDArray[np.float64]) -> list[float]:
+    """Return those of increasing angles just after which the quantity of a change, which touches zero, was least."""
+    gauge = FrictionGauge(layout_of(orbit.system.structure), change.contact)
+    quantity = _Quantity(orbit, gauge, change)
+    slopes = np.array([quantity.course(instant_of(orbit, theta)).slope for theta in thetas])
+    return thetas[1:][(slopes[:-1] < 0.0) & (slopes[1:] > 0.0)].tolist()
+
+
 class _Instant(NamedTuple):
     """One instant of an orbit: its angle, its state, and the modes just before it."""
 

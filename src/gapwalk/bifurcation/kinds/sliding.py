@@ -68,6 +68,10 @@ class Sliding(Kind):
     """Power of its value with which what the phase adds grows beyond, where friction sticks rigidly: an acceleration
     that grows over the length of the phase, to which a rate and a position are its integrals. (The last three are of
     theorems 8.1 to 8.4 in the book of di Bernardo and others.)"""
+    tangency: ClassVar[int] = 0
+    """Sign of the change of the reserve of the other direction where slip ends; 0 at kinds where slip does not end."""
+    beyond_degenerate: ClassVar[str] = ""
+    """Kind of the points of the same curve where that change has the other sign."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""
@@ -205,7 +209,7 @@ def _new(search: Search, found: list[Located]) -> list[Located]:
 class CrossingSliding(Sliding):
     """Crossing-sliding: where the slip rate reverses, friction begins or ceases to stick for a moment."""
 
-    what, touch_order = "stop", 2.0
+    what, touch_order, tangency, beyond_degenerate = "stop", 2.0, -1, "switching-sliding"
     symbol = Symbol("crossing-sliding", "", "x", 5.0, "purple", (0.0, (9.0, 1.6)))
 
     def owns(self, change: Change) -> bool:
@@ -216,7 +220,7 @@ class CrossingSliding(Sliding):
 class SwitchingSliding(Sliding):
     """Switching-sliding: before it sticks, friction begins or ceases to slip back for a moment."""
 
-    what, touch_order = "stop", 3.0
+    what, touch_order, tangency, beyond_degenerate = "stop", 3.0, 1, "crossing-sliding"
     symbol = Symbol("switching-sliding", "", "1", 6.0, "purple", (0.0, (4.5, 1.1, 1.0, 1.1)))
 
     def owns(self, change: Change) -> bool:

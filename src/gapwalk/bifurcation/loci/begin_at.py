@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from gapwalk.bifurcation.follow import follow
-from gapwalk.bifurcation.loci.locus import Codim2Point
+from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, ShotPlane, onto_curve
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, Range, powers_of_two
@@ -32,11 +32,13 @@ def special_at(start: SpecialPoint | Codim2Point, kind: str | None) -> SpecialPo
         return start
     wanted = None if kind is None else Kind.named(kind)
     names = ("fold", "flip", "neimark-sacker", *("grazing",) * bool(start.contact))
-    if wanted not in names:
+    if slides := start.kind is Codim2.DEGENERATE_SLIDING:
+        names = ("crossing-sliding", "switching-sliding")
+    if wanted is None or wanted not in names:
         raise ModelError(
             f"kind is {kind!r}; several loci meet at {start}: write the kind that begins there, one of {names}"
         )
-    return special_of(wanted, start.orbit, start.contact if wanted is Kind.GRAZING else "")
+    return special_of(wanted, start.orbit, start.contact if slides or wanted is Kind.GRAZING else "")
 
 
 def special_of(kind: Kind, orbit: Orbit, contact: str) -> SpecialPoint:

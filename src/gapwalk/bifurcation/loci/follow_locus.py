@@ -30,9 +30,13 @@ from gapwalk.bifurcation.loci.locus import (
     LocusPoint,
     errors_of,
     find_codim2,
+    find_degenerate,
     find_end_at_graze,
     find_merging,
     half_ahead,
+    leaves_degenerate,
+    leaves_phase,
+    short_of,
     zero_at_graze,
 )
 from gapwalk.bifurcation.loci.locus_equations import (
@@ -608,7 +612,7 @@ _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the
 _OWN = 1e-3  # radians from the turning point that grazes all along a locus, within which another is the same one
 _BEHIND = 0.1  # distance behind the last point at which a secant to the graze ahead begins, as a share of that ahead
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
-_ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
+_ENDS = {Kind.NEIMARK_SACKER: (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)}  # the pair is real beyond them
 
 
 def follow_locus(
@@ -633,7 +637,8 @@ def follow_locus(
     to
         The range of each: ``((low, high), (low, high))``.
     kind
-        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``.
+        At a point of codimension two the locus to follow: ``"fold"``, ``"flip"``, ``"neimark-sacker"``, ``"grazing"``;
+        at degenerate sliding ``"crossing-sliding"`` or ``"switching-sliding"``.
     walk
         Options of the walk.
     method
@@ -714,8 +719,12 @@ class LocusTracer(Iterator[LocusStep]):
     def __next__(self) -> LocusStep:
         if self.end is not None:
             raise StopIteration
+        start = self.beginning
         if self._starts_outwards():
             self.end = LocusEnd(LocusEndReason.START, self.first.values)
+            raise StopIteration
+        if self.walk.state.point is start.first and leaves_degenerate(start.kind, start.corrector, start.first):
+            self.end = LocusEnd(LocusEndReason.DEGENERATE, self.first.values)
             raise StopIteration
         while True:
             step = self._to_merging() or self._to_graze() or self._around_corner_ahead()
@@ -728,10 +737,11 @@ class LocusTracer(Iterator[LocusStep]):
             try:
                 point = next(self.walk)
             except StopIteration:
-                end = self.walk.end
+                end, last = self.walk.end, self.walk.point
                 assert end is not None
                 if end.reason is not EndReason.STEP or not is_coarse:
-                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(self.walk.point), end.detail)
+                    short = end.reason is EndReason.STEP and short_of(start.kind, start.corrector, last)
+                    self.end = LocusEnd(LocusEndReason.of(end.reason), self._values(last), short or end.detail)
                     raise
                 step = self._around_corner(_AT * _CORNER, [])
                 if step is not None:
@@ -774,6 +784,8 @@ class LocusTracer(Iterator[LocusStep]):
         # corner wherever a contact begins or ceases to touch.
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
+        if leaves_phase(self.beginning.corrector, state.point, last, is_coarse=is_coarse):
+            return False
         if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
@@ -804,9 +816,9 @@ class LocusTracer(Iterator[LocusStep]):
             reason, detail = LocusEndReason.TABLE if table else LocusEndReason.RANGE, table
         found = find_codim2(self.beginning.kind, self.beginning.corrector, state.previous, state.point, point)
         for number, finding in enumerate(found):
-            if self.beginning.kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
-                found, point, reason = found[: number + 1], finding.point, LocusEndReason.RESONANCE
-                detail = ""
+            if finding.kind in _ENDS.get(self.beginning.kind, (Codim2.DEGENERATE_SLIDING,)):
+                found, point = found[: number + 1], finding.point
+                reason, detail = finding.reason_of_end(self.beginning.kind)
                 break
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
         if reason is not None:
@@ -830,13 +842,18 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _to_graze(self) -> LocusStep | None:
         """Return the last step, if it leads to a graze at which the locus ends."""
+        state, own = self.walk.state, self.beginning
+        with suppress(NumericalError):
+            if end := find_degenerate(own.corrector, own.contact, state.previous, state.point):
+                return self._ended_at(end)
         ends = *self._ends_of_multipliers(), *self._ends_at_half(), *self._ends_at_another()
         return self._ended_at(ends[0]) if ends else None
 
     def _ended_at(self, found: Finding) -> LocusStep:
-        """Return the last step, to the end of the locus at a graze."""
+        """Return the last step, to the end of the locus at a graze or at degenerate sliding."""
         step = LocusStep(self._point(found.point), [self._codim2(found)])
-        self.end = LocusEnd(LocusEndReason.GRAZE, step.point.values, found.kind.value.replace("-", " "))
+        reason, detail = found.reason_of_end(self.beginning.kind)
+        self.end = LocusEnd(reason, step.point.values, detail)
         return step
 
     @cached_property
@@ -963,7 +980,9 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _codim2(self, finding: Finding) -> Codim2Point:
         errors = errors_of(finding, self.beginning.corrector)
-        return Codim2Point(finding.kind, self._point(finding.point), finding.contact, errors)
+        slides = finding.kind is Codim2.DEGENERATE_SLIDING
+        contact = finding.contact or self.beginning.contact * slides
+        return Codim2Point(finding.kind, self._point(finding.point), contact, errors)
 
     def _angle(self, point: BranchPoint) -> float:
         if isinstance(self.beginning.equation, GrazingEquation):

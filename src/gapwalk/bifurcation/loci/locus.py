@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, NamedTuple, cast
@@ -21,8 +21,10 @@ from gapwalk.bifurcation.loci.locus_equations import (
     GrazingEquation,
     MultiplierEquation,
     Secant,
+    ShotPlane,
     SlidingEquation,
     onto_curve,
+    posed,
     zero_along,
 )
 from gapwalk.bifurcation.special_point import Kind, StepInterval
@@ -47,6 +49,7 @@ class LocusEndReason(Reason):
     TABLE = "a load is not known beyond the end of its table"
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
+    DEGENERATE = "the locus ends at a degenerate-sliding point"
     JOINED = "the locus ends where its orbits repeat after half their period"
     GRAZE = "the locus ends on the locus of a graze, which it touches"
     COARSE = "the motion needs more segments (shooting) or harmonics (harmonic balance)"
@@ -128,7 +131,8 @@ class Codim2(StrEnum):
     NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
     """On a grazing locus: a pair on the unit circle."""
     DEGENERATE_SLIDING = "degenerate-sliding"
-    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding."""
+    """Where slip ends the friction would neither give way again nor hold: crossing- becomes switching-sliding, and
+    grazing- or adding-sliding begins."""
     RESONANT_GRAZING = "resonant-grazing"
     """The square-root term of a graze vanishes: loci of folds and flips end there, tangent to that of the graze."""
     GRAZING_MEETS_FOLD = "grazing-meets-fold"
@@ -328,9 +332,17 @@ _MERGED = 0.1  # radians from the turning point that grazes all along a grazing 
 _EXACT = 1e-13  # arclength to which zeros are located
 _BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
 _CUSP = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
+_CLOSE = (0.0, *(way * 10.0**power for power in range(-12, -4) for way in (-1.0, 1.0)))
+"""Arclengths from a point of a locus of sliding at which another one is taken if it cannot be computed."""
+_ACROSS = 1e-5  # arclength from degenerate sliding at which all orbits are known
 _SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
 _STEP = 0.01  # first step of a secant beside a graze, as a share of the root of the distance from the breakpoint
 _AHEAD = 0.5  # smallest cosine of the angle between the locus and the way to its end at a graze
+_BEGUN = 1e-6  # arclength from degenerate sliding within which a locus begins there
+_CLOSE_TO_START, _AT_START = 0.3, 1e-3  # radians from the start of a phase: close to it, and where the two are one
+_AT_ONCE = 0.4  # the least share of them after a step
+_NEAR_DEGENERATE = 0.02  # arclength, and radians, from degenerate sliding at which a locus may end short of it
+_ENDING, _OVERS = 0.02, (2.0, 1.2)  # distance within which the end of a locus of sliding is sought, and shares of it
 _OVER = 2.0  # largest distance of the end, in estimated distances
 
 
@@ -342,6 +354,16 @@ class Finding(NamedTuple):
     contact: str = ""
     error: float = 0.0
     """Arclength within which it is known."""
+
+    def reason_of_end(self, locus: Kind) -> tuple[LocusEndReason, str]:
+        """Return the reason why a locus ends there, and an explanation."""
+        if locus is Kind.NEIMARK_SACKER and self.kind in _COSINES:
+            return LocusEndReason.RESONANCE, ""
+        if self.kind is not Codim2.DEGENERATE_SLIDING:
+            return LocusEndReason.GRAZE, self.kind.value.replace("-", " ")
+        other = cast("Sliding", locus).beyond_degenerate
+        words = f"beyond it this curve is a locus of {other}" if other else "crossing- and switching-sliding meet there"
+        return LocusEndReason.DEGENERATE, words
 
 
 def find_codim2(
@@ -356,15 +378,50 @@ def find_codim2(
     ]
     for what in _of_sliding(locus) if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = test_function(locus, what, corrector, first)
-        # just where friction could give way to both sides a motion may be unknown; shorter steps then find others
-        unknown = isinstance(locus, Sliding) and last.arclength - first.arclength < _FINEST
-        with suppress(NumericalError) if unknown else nullcontext():
-            zeros = _search(function, interval, first, last, before)
-            genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
-            found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
+        if what is Codim2.DEGENERATE_SLIDING:
+            interval = _DegenerateInterval(corrector, first, last, function)
+        zeros = _search(function, interval, first, last, before)
+        if isinstance(interval, _DegenerateInterval):
+            zeros = [interval.refined(point) for point in zeros if point.arclength > _BEGUN]
+            if not zeros and is_other_sliding(locus, corrector, last):
+                raise NumericalError(f"the locus ceases to be one of {locus}, and degenerate sliding was not located")
+        genuine = (point for point in zeros if _is_genuine(locus, what, point, interval))
+        found += [Finding(what, point, "", _error(function, interval, point)) for point in genuine]
     if isinstance(corrector.equation, GrazingEquation):
         found += _resonances(corrector, interval, before, first, last)
     return sorted(found, key=lambda finding: finding.point.arclength)
+
+
+class _DegenerateInterval(StepInterval):
+    """Step interval in which orbits so close to degenerate sliding that rounding decides are replaced by close ones."""
+
+    def __init__(
+        self, corrector: Corrector, first: BranchPoint, last: BranchPoint, function: Callable[[BranchPoint], float]
+    ) -> None:
+        super().__init__(corrector, first, last)
+        self._function, self._within = function, (first.arclength, last.arclength)
+
+    def at(self, arclength: float) -> BranchPoint:
+        """Return the point at an arclength, or the nearest of some beside it that can be computed."""
+        for aside in _CLOSE:
+            with suppress(NumericalError):
+                point = super().at(min(max(arclength + aside, self._within[0]), self._within[1]))
+                self._function(point)
+                return point
+        return super().at(arclength)
+
+    def refined(self, zero: BranchPoint) -> BranchPoint:
+        """Return the point at the zero of the secant across a place near a zero, far enough to both sides."""
+        sides = (self.at(zero.arclength + way * _ACROSS) for way in (-1.0, 1.0))
+        (a, at_a), (b, at_b) = ((each.arclength, self._function(each)) for each in sides)
+        place = a - at_a * (b - a) / (at_b - at_a) if at_a * at_b < 0.0 else zero.arclength
+        known = list[BranchPoint]()
+        for aside in _CLOSE:
+            with suppress(NumericalError):
+                point = self.at(place + aside)
+                _ = point.orbit.extremes  # the motion is known all along
+                known.append(point)
+        return min(known, key=lambda point: abs(self._function(point)), default=zero)
 
 
 def tested(locus: Kind) -> list[Codim2]:
@@ -374,14 +431,15 @@ def tested(locus: Kind) -> list[Codim2]:
 
 
 def _of_sliding(kind: Sliding) -> tuple[Codim2, ...]:
-    return (Codim2.DEGENERATE_SLIDING,) if kind.what == "stop" else ()
+    return (Codim2.DEGENERATE_SLIDING,) if kind.tangency else ()
 
 
 def errors_of(finding: Finding, corrector: Corrector) -> tuple[float, float]:
     """Return the estimated errors of both values at a point of codimension two."""
     along = 4.0 * finding.error * np.abs(finding.point.tangent[-2:]) if finding.error < np.inf else np.full(2, np.inf)
     size = float(np.abs(finding.point.orbit.extremes[:, :2]).max())
-    share = MARGIN * float(corrector.scales[0]) / size if finding.contact else _EXACT
+    grazes = finding.contact and finding.kind is not Codim2.DEGENERATE_SLIDING
+    share = MARGIN * float(corrector.scales[0]) / size if grazes else _EXACT
     errors = (along + 4.0 * share * np.abs(finding.point.x[-2:])) * corrector.scales[-2:]
     return float(errors[0]), float(errors[1])
 
@@ -653,3 +711,74 @@ def find_merging(corrector: Corrector, before: BranchPoint | None, point: Branch
     way = end - point.x
     length = float(np.linalg.norm(way))
     return corrector.uncorrected(end, way / length, point.arclength + length) if length < _OVER * distance else None
+
+
+def find_degenerate(
+    corrector: Corrector, contact: str, before: BranchPoint | None, point: BranchPoint
+) -> Finding | None:
+    """Locate the end of a locus of sliding within a phase, just ahead at degenerate sliding; None if none is."""
+    # The instant comes to the beginning of its phase, where slip in the other direction ends: to the locus of that.
+    equation, scales = corrector.equation, corrector.scales
+    if before is None or not isinstance(equation, SlidingEquation):
+        return None
+    past, now = (since_begin(corrector, each) for each in (before, point))
+    reach = (point.arclength - before.arclength) * now / (past - now) if now < past else math.inf
+    if not reach < _ENDING:
+        return None
+    other = contact[:-1] + ("-" if contact.endswith("+") else "+")
+    plane, kind = cast("ShotPlane", equation.plane), cast("Sliding", Kind.SWITCHING_SLIDING)
+    length = float(plane.scales(point.orbit)[0])
+    ends = Corrector(posed(plane, kind, point.orbit, other, length, plane.tolerance), scales)
+    start = point.x.copy()
+    start[-3] -= now / scales[-3]
+    correction, tangent = onto_curve(ends, start)
+    if correction is None:
+        return None
+    ahead = tangent * math.copysign(1.0, float(np.delete(tangent * point.tangent, -3).sum()))
+    tried = (ends.correct(correction.x + over * reach * ahead, ahead) for over in _OVERS)
+    if (beyond := next(filter(None, tried), None)) is None:
+        return None
+    first, length = ends.point(correction, ahead, 0.0), float(np.linalg.norm(beyond.x - correction.x))
+    for found in find_codim2(kind, ends, None, first, ends.point(beyond, ahead, length)):
+        if found.kind is Codim2.DEGENERATE_SLIDING:
+            arclength = point.arclength + float(np.linalg.norm(found.point.x - point.x))
+            return found._replace(point=replace(found.point, arclength=arclength), contact=other)
+    return None
+
+
+def since_begin(corrector: Corrector, point: BranchPoint) -> float:
+    """Return the angle from the end of slip in the other direction to an instant within a phase; infinite without."""
+    equation = corrector.equation
+    if not isinstance(equation, SlidingEquation):
+        return math.inf
+    return equation.since_begin(point.orbit.slips, float(point.x[-3] * corrector.scales[-3]))
+
+
+def leaves_phase(corrector: Corrector, point: BranchPoint, last: BranchPoint, *, is_coarse: bool) -> bool:
+    """Return True if a step comes to the beginning of the phase of an instant, or over it, which only its end may."""
+    now, then = (since_begin(corrector, each) for each in (point, last))
+    least = max(_AT_START, _AT_ONCE * now * is_coarse)
+    return now < _CLOSE_TO_START and not least < then < now + _CLOSE_TO_START
+
+
+def is_other_sliding(locus: Kind, corrector: Corrector, point: BranchPoint, ahead: float = 0.0) -> bool:
+    """Return True if a point of a locus where slip ends, or one just ahead of it, is of the other kind."""
+    if not isinstance(locus, Sliding) or not locus.tangency:
+        return False
+    x = (point.x + ahead * point.tangent) * corrector.scales
+    with suppress(NumericalError):
+        return locus.tangency * cast("SlidingEquation", corrector.equation).tangency(x[:-1], float(x[-1])) < -_NOISE
+    return not ahead  # where it is not known, the point is not taken for one of its kind
+
+
+def leaves_degenerate(locus: Kind, corrector: Corrector, first: BranchPoint) -> bool:
+    """Return True if a locus begins at degenerate sliding, and is of the other kind ahead."""
+    sides = (is_other_sliding(locus, corrector, first, way * _BEGUN) for way in (-1.0, 1.0))
+    return [*sides] == [False, True]
+
+
+def short_of(locus: Kind, corrector: Corrector, point: BranchPoint) -> str:
+    """Return the explanation if a locus that cannot be followed further ends short of degenerate sliding."""
+    is_other = is_other_sliding(locus, corrector, point, _NEAR_DEGENERATE)
+    near = is_other or since_begin(corrector, point) < _NEAR_DEGENERATE
+    return "a degenerate-sliding point is near, but was not located" * near

@@ -7,7 +7,9 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, NamedTuple, Self, cast
@@ -15,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margin import Change, margin, modes_around
+from gapwalk.bifurcation.friction_margin import Change, lowest_among, margin, modes_around
 from gapwalk.bifurcation.friction_margin import instant_of as instant_in
 from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coefficient
 from gapwalk.bifurcation.kinds.sliding import Sliding
@@ -24,6 +26,7 @@ from gapwalk.continuation.corrector import Correction, Corrector, unknown_scales
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
+from gapwalk.flow.friction_state import SlipEvent
 from gapwalk.flow.motion import DryModes, Gauge, modes_along
 from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -618,8 +621,11 @@ _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
+_CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of an angle at which least values are sought
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
-_BESIDE = 1e-10  # rate of the first coordinate by which the start is moved where the motion from it is not known
+# shares of the largest rate by which the rates at the start are moved where the motion from it is not known
+_ASTRAY = 1e-5  # share of the unknowns by which a motion may miss them after a period
+_BESIDE = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -676,21 +682,38 @@ class SlidingEquation(LocusEquation):
         plane, (_, contact, side), full = cast("ShotPlane", self.plane), self.instant, PERIOD * self.period
         structure = plane.system.structure
         angle = theta % full
-        lead = min(self.lead, angle) if self.lead >= full else self.lead
+        lead = min(self.lead, angle)
+        if self.lead < full:
+            lead = min(self.lead, 0.5 * self.since_begin(place.evidence.slips, angle))
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
         modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
         return angle, there, by_all, gauge, gauge.slipping(modes, side), gauge.sticking(modes)
 
+    def since_begin(self, slips: Sequence[SlipEvent], angle: float) -> float:
+        """Return the angle from the end of slip in the other direction to an instant within a phase."""
+        what, contact, side = self.instant
+        own = [event for event in slips if event.contact == contact and what != "stop"]
+        pairs, full = zip([*own[-1:], *own[:-1]], own, strict=True), PERIOD * self.period
+        since = ((angle - event.theta) % full for before, event in pairs if before.slip == -side != event.slip)
+        return min(since, default=math.inf)
+
     def tangency(self, unknowns: Array, value: float) -> float:
         """Return the change of the reserve where slip ends, in its unit; its sign decides what follows the slip."""
+        n, rates = self.plane.system.size, np.zeros(len(unknowns))
+        rates[n : 2 * n] = np.abs(unknowns[n : 2 * n]).max()
+        for aside in _BESIDE:  # a motion that comes exactly there could go either way; the mean of two is close to it
+            with suppress(FlowError):
+                asides = (-aside, aside) if aside else (0.0,)
+                return float(np.mean([self._tangency_at(unknowns + each * rates, value) for each in asides]))
+        raise FlowError("the motion could go either way where slip ends")
+
+    def _tangency_at(self, unknowns: Array, value: float) -> float:
         place = self.place(unknowns, value)
-        try:
-            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
-        except FlowError:  # a motion that begins exactly there could go either way
-            place = self.place(unknowns + _BESIDE * (np.arange(len(unknowns)) == self.plane.system.size), value)
-            angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
+        if np.abs(place.residual).max() > _ASTRAY * np.abs(place.unknowns).max():
+            raise FlowError("the motion does not return")
+        angle, there, _, gauge, _, sticks = self._reached(place, float(unknowns[-2]))
         return _changing(gauge)(place.coefficients, angle, there, sticks, -self.instant.side) / self.units[1]
 
     def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
@@ -740,13 +763,22 @@ def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
     phases = orbit.friction.get(contact, [])
     within = {"rate": (side, 0, side), "reserve": (0, side, 0)}.get(what)
     own = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == within]
-    if own and within is not None:
-        shortest = min(own, key=lambda phase: phase.length)
-        theta, value = margin(orbit, Change(contact, *within, shortest.start, False), shortest.start)
-        alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
+    if within is not None and (own or not alike):
+        change = Change(contact, *within, 0.0, False)
+        for near in [min(own, key=lambda phase: phase.length).start] if own else _just_begun(orbit, change):
+            theta, value = margin(orbit, change, near)
+            alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
     if not alike:
         raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
     return min(alike, key=lambda each: abs(each.value) / each.range)
+
+
+def _just_begun(orbit: Orbit, change: Change) -> Iterator[float]:
+    """Yield angles near the least values just after slip in the other direction ends, between the usual samples."""
+    phases = orbit.friction.get(change.contact, [])
+    for (before, mode, _), phase in zip(modes_around(phases), phases, strict=True):
+        if before == -change.side and mode == change.before:
+            yield from lowest_among(orbit, change, phase.start + min(_LEAD, phase.length) * _CLOSER)
 
 
 def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
