@@ -30,6 +30,11 @@ def special_at(start: SpecialPoint | Codim2Point, kind: str | None) -> SpecialPo
         if kind is not None:
             raise ModelError(f"kind is {kind!r}, but the start is a {start.kind.value} already; leave kind out")
         return start
+    if not isinstance(start, Codim2Point):
+        raise ModelError(
+            f"a locus begins at a special point or at a point of codimension two, not at {start!r}; kinds with loci "
+            f"are {', '.join(Kind.with_locus())}; write one of them, as branch.special_points[0]"
+        )
     wanted = None if kind is None else Kind.named(kind)
     names = ("fold", "flip", "neimark-sacker", *("grazing",) * bool(start.contact))
     if slides := start.kind is Codim2.DEGENERATE_SLIDING:

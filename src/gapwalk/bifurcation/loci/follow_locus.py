@@ -673,11 +673,6 @@ def follow_locus(
     array([[1.372124, 1.1     ],
            [1.41379 , 0.9     ]])
     """
-    if not isinstance(special, SpecialPoint | Codim2Point):
-        raise ModelError(
-            f"a locus begins at a special point or at a point of codimension two, not at {special!r}; kinds with loci "
-            f"are {', '.join(Kind.with_locus())}; write one of them, as branch.special_points[0]"
-        )
     return trace_locus(start_locus(special, first, second, to, method, kind), walk).to_end(traced_locus, report)
 
 
