@@ -20,6 +20,8 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
 from gapwalk.orbit.sticking import FrictionPhase, friction_phases, text_of
 from gapwalk.verification.friction_dop853 import carry
+from gapwalk.verification.verification import Check, Ledger
+from gapwalk.verification.verify_orbits import verify_loci
 from tests.dry.trials.random_systems import random_system
 from tests.flow.dry_systems import clutch
 from tests.sampled_verification import verified
@@ -429,6 +431,8 @@ def test_loci_of_sliding_end_at_the_degenerate_point(kind, frequency, other, con
     assert end.reason is LocusEndReason.DEGENERATE
     assert end.values == found.values
     assert other in str(end)
+    verify_loci(ledger := Ledger(), [("it", replace(locus, points=locus.points[1:4:2]))])
+    assert not [each for each in ledger.verification.breaches if each.check is Check.CONDITION]
 
 
 @pytest.mark.parametrize("kind", ["crossing-sliding", "adding-sliding", "switching-sliding"])

@@ -795,11 +795,16 @@ def instant_of(instant: Instant) -> tuple[str, int, int]:
     return instant.what, instant.contact, instant.side
 
 
-def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: float, tolerance: float):
-    """Return the equation of the locus of a point of sliding, which names its contact and its side."""
+def instant_on(orbit: Orbit, kind: Sliding, contact: str) -> Instant:
+    """Return what vanishes at a point of sliding, which names its contact and its side."""
     name, _, sign = contact.rpartition(" ")
     names = [each.name for each in orbit.system.structure.contacts]
-    instant = Instant(kind.what, names.index(name), 1 if sign == "+" else -1)
+    return Instant(kind.what, names.index(name), 1 if sign == "+" else -1)
+
+
+def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: float, tolerance: float):
+    """Return the equation of the locus of a point of sliding."""
+    instant = instant_on(orbit, kind, contact)
     near = nearest_margin(orbit, instant)
     time = float(orbit.system.frequency)
     units = {
