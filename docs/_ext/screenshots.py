@@ -199,6 +199,7 @@ def turn_torus(page: Page) -> None:
 def run_up(page: Page) -> None:
     """Show a run-up and down through the jump of a dual-mass flywheel, at an instant on the way up."""
     page.click("summary:text-is('Run up, and listen')")
+    until(page, "document.getElementById('run-up-hint').textContent !== ''")  # its range is proposed then
     for name, value in (("low", "200"), ("high", "600"), ("seconds", "8")):
         page.fill(f"#run-up-{name}", value)
     page.click("#run-up")
