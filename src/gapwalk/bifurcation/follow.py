@@ -198,7 +198,7 @@ class BranchTracer(Iterator[Step]):
         self.beginning.corrector.forget()
         first, step = self.walk.point, self._pass_impacts()
         step = self._step() if step is None else self._held_on(first, step)
-        if step[0] is first and not step[1]:  # it was cut off at its parent, before it had passed anything
+        if step[0] is first and not step[1] and self.end is not None:  # cut off at its parent, with nothing passed
             raise StopIteration
         return step
 
