@@ -6,23 +6,27 @@ What it is for each kind of change is said in `friction_along_branch`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import ConvergenceError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import DryModes, modes_along
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit, apart
-from gapwalk.orbit.sticking import Course, FrictionGauge, FrictionPhase
+from gapwalk.orbit.sticking import Course, FrictionGauge, FrictionPhase, Margin
 
 _SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
 _TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
 _ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
 _SMALL = 1e-4  # share of a value that does not matter far from its zero
 _SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
+_BEGUN = 0.3  # largest angle after slip in the other direction ends at which least values are sought between samples
+_CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of it
 _AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 
 
@@ -198,3 +202,60 @@ def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) ->
         if abs(shift) < _SETTLED or course.depth * abs(shift) < _SMALL * abs(value):
             return theta % (PERIOD * orbit.period), value
     return None
+
+
+class Instant(NamedTuple):
+    """Instant of a point of sliding, by the quantity that vanishes there."""
+
+    what: str  #: ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.sticking.Margin`.
+    contact: int  #: Number of the contact.
+    side: int  #: The direction of slip concerned.
+
+    @property
+    def modes(self) -> tuple[int, int, int] | None:
+        """Modes before, in and after the phase that appears there; None where slip ends."""
+        return {"rate": (self.side, 0, self.side), "reserve": (0, self.side, 0)}.get(self.what)
+
+
+def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
+    """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
+    # On one side of a point of sliding the margin is that of the phase that vanishes there; the orbit at the point
+    # itself may have that phase, very short.
+    what, contact, side = instant
+    alike = [each for each in orbit.margins if (each.what, each.contact, each.side) == instant]
+    phases = orbit.friction.get(contact, [])
+    own = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == instant.modes]
+    if instant.modes and (own or not alike):
+        change = Change(contact, *instant.modes, 0.0, False)
+        for near in [min(own, key=lambda phase: phase.length).start] if own else _just_begun(orbit, change):
+            theta, value = margin(orbit, change, near)
+            alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
+    if not alike:
+        raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
+    return min(alike, key=lambda each: abs(each.value) / each.range)
+
+
+def _just_begun(orbit: Orbit, change: Change) -> Iterator[float]:
+    """Yield angles near the least values just after slip in the other direction ends, between the usual samples."""
+    phases = orbit.friction.get(change.contact, [])
+    for (before, mode, _), phase in zip(modes_around(phases), phases, strict=True):
+        if before == -change.side and mode == change.before:
+            yield from lowest_among(orbit, change, phase.start + min(_BEGUN, phase.length) * _CLOSER)
+
+
+def missed_by(orbit: Orbit, instant: Instant) -> float:
+    """Return by how much an orbit misses a point of sliding, as a share of the range of what vanishes there."""
+    value = (found := nearest_margin(orbit, instant)).value
+    if instant.modes:  # margins of an orbit are those of its samples
+        with suppress(LookupError):
+            value = margin(orbit, Change(instant.contact, *instant.modes, 0.0, False), found.theta)[1]
+    return abs(value) / found.range
+
+
+def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
+    """Return the size of the quantity that vanishes at an instant: of rates that of the motion, of forces the bound."""
+    if instant.what == "rate":
+        return float(np.abs(orbit.extremes).max()) * float(orbit.system.frequency)
+    now, gauge = instant_of(orbit, theta), FrictionGauge(layout_of(orbit.system.structure), instant.contact)
+    bound, _ = gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))
+    return float(bound)

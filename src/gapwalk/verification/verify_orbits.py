@@ -23,10 +23,7 @@ from gapwalk.bifurcation.branch_start import halves_apart
 from gapwalk.bifurcation.branch_start import switch as switch_branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.follow import BranchTracer
-from gapwalk.bifurcation.friction_margin import Change, margin
-from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.bifurcation.loci.locus_equations import instant_on, nearest_margin
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, Range, scales_of
@@ -488,19 +485,6 @@ def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
 
 
-def _condition(locus: Locus, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-    """Return by how much an orbit on a locus misses its condition."""
-    if not isinstance(locus.kind, Sliding):
-        return locus.kind.residual(orbit, multipliers)
-    what, contact, side = instant = instant_on(orbit, locus.kind, locus.contact)
-    found, modes = nearest_margin(orbit, instant), {"rate": (side, 0, side), "reserve": (0, side, 0)}
-    value = found.value
-    if what in modes:  # margins of an orbit are those of its samples
-        with suppress(LookupError):
-            value = margin(orbit, Change(contact, *modes[what], 0.0, False), found.theta)[1]
-    return abs(value) / found.range
-
-
 def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Advance | None = None) -> None:
     """Enter the checks of some loci, by their names."""
     for done, (name, locus) in enumerate(loci):
@@ -529,4 +513,4 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
             ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth)
             ledger.enter(Check.STAGES, spot, around.astray / reshot.growth)
             ledger.enter(Check.MULTIPLIERS, spot, _distance(reshot.multipliers, orbit.free_multipliers))
-            ledger.enter(Check.CONDITION, spot, _condition(locus, orbit, reshot.multipliers))
+            ledger.enter(Check.CONDITION, spot, locus.kind.residual(orbit, reshot.multipliers))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import product
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -22,7 +24,7 @@ from gapwalk.bifurcation.friction_along_branch import (
     never_slips,
     position_of,
 )
-from gapwalk.bifurcation.friction_margin import Change, own_phase
+from gapwalk.bifurcation.friction_margin import Change, Instant, missed_by, own_phase
 from gapwalk.bifurcation.special_point import (
     ROUNDING,
     SAFETY,
@@ -35,6 +37,7 @@ from gapwalk.bifurcation.special_point import (
 )
 from gapwalk.bifurcation.touch_map import Beyond, TouchMap, beyond
 from gapwalk.continuation.curve_points import BranchPoint
+from gapwalk.errors import ConvergenceError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit, apart
@@ -144,8 +147,11 @@ class Sliding(Kind):
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
         """Return the least margin of the kind, as a share of its range."""
-        own = [each for each in orbit.margins if each.what == self.what]
-        return min((abs(each.value) / each.range for each in own), default=float("nan"))
+        found = list[float]()
+        for contact, side in product(orbit.friction, (1, -1)):
+            with suppress(ConvergenceError, LookupError):
+                found.append(missed_by(orbit, Instant(self.what, contact, side)))
+        return min(found, default=math.nan)
 
     @property
     def no_locus(self) -> str:

@@ -8,22 +8,21 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, NamedTuple, Self, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margin import Change, lowest_among, margin, modes_around
-from gapwalk.bifurcation.friction_margin import instant_of as instant_in
+from gapwalk.bifurcation.friction_margin import Instant, nearest_margin
 from gapwalk.bifurcation.kinds.critical_multipliers import Criticality, flip_coefficient
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import Kind
 from gapwalk.continuation.corrector import Correction, Corrector, unknown_scales
-from gapwalk.errors import ConvergenceError, FlowError
+from gapwalk.errors import FlowError
 from gapwalk.flow.equations import natural_length
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
 from gapwalk.flow.friction_state import SlipEvent
@@ -33,7 +32,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.orbit.sticking import Closure, FrictionGauge, Margin, released, transition_of
+from gapwalk.orbit.sticking import Closure, FrictionGauge, released, transition_of
 
 # Orbits of one system in the plane of two parameters: the interface that the equations of all loci use.
 #
@@ -621,7 +620,6 @@ _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
 _REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
-_CLOSER = 0.7 ** np.arange(30.0, -1.0, -1.0)  # shares of an angle at which least values are sought
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 # shares of the largest rate by which the rates at the start are moved where the motion from it is not known
 _ASTRAY = 1e-5  # share of the unknowns by which a motion may miss them after a period
@@ -629,14 +627,6 @@ _BESIDE = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
-
-
-class Instant(NamedTuple):
-    """Instant of a point of sliding, by the quantity that vanishes there."""
-
-    what: str  #: ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.sticking.Margin`.
-    contact: int  #: Number of the contact.
-    side: int  #: The direction of slip concerned.
 
 
 @dataclass(frozen=True, eq=False)
@@ -752,47 +742,6 @@ class SlidingEquation(LocusEquation):
                 shift = -found[1] / derivatives[1, len(place.unknowns)]
                 theta += max(-_FARTHEST, min(_FARTHEST, float(shift)))
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
-
-
-def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
-    """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
-    # On one side of a point of sliding the margin is that of the phase that vanishes there; the orbit at the point
-    # itself may have that phase, very short.
-    what, contact, side = instant
-    alike = [each for each in orbit.margins if (each.what, each.contact, each.side) == instant_of(instant)]
-    phases = orbit.friction.get(contact, [])
-    within = {"rate": (side, 0, side), "reserve": (0, side, 0)}.get(what)
-    own = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == within]
-    if within is not None and (own or not alike):
-        change = Change(contact, *within, 0.0, False)
-        for near in [min(own, key=lambda phase: phase.length).start] if own else _just_begun(orbit, change):
-            theta, value = margin(orbit, change, near)
-            alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
-    if not alike:
-        raise ConvergenceError("no friction of this motion is near a point at which sliding begins or ends")
-    return min(alike, key=lambda each: abs(each.value) / each.range)
-
-
-def _just_begun(orbit: Orbit, change: Change) -> Iterator[float]:
-    """Yield angles near the least values just after slip in the other direction ends, between the usual samples."""
-    phases = orbit.friction.get(change.contact, [])
-    for (before, mode, _), phase in zip(modes_around(phases), phases, strict=True):
-        if before == -change.side and mode == change.before:
-            yield from lowest_among(orbit, change, phase.start + min(_LEAD, phase.length) * _CLOSER)
-
-
-def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
-    """Return the size of the quantity that vanishes at an instant: of rates that of the motion, of forces the bound."""
-    if instant.what == "rate":
-        return float(np.abs(orbit.extremes).max()) * float(orbit.system.frequency)
-    now, gauge = instant_in(orbit, theta), FrictionGauge(layout_of(orbit.system.structure), instant.contact)
-    bound, _ = gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))
-    return float(bound)
-
-
-def instant_of(instant: Instant) -> tuple[str, int, int]:
-    """Return an instant as a plain tuple."""
-    return instant.what, instant.contact, instant.side
 
 
 def instant_on(orbit: Orbit, kind: Sliding, contact: str) -> Instant:
