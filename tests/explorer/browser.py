@@ -117,7 +117,7 @@ def until(page: Page, condition: str) -> None:
     """Wait until a condition holds on the page, which looks itself: to ask it all the time takes a sixth of a core.
 
     The page's security policy lets no text be evaluated there by itself, so the condition is made a function.
-    A result that is done is told before its last curves are fetched, so these are awaited with it.
+    A result is marked as done before the page has all of its curves: with a result that is done these are waited for.
     """
     if "'done'" in condition:
         condition = f"({condition}) && !gapwalk.page.updating"
